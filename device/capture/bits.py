@@ -127,7 +127,5 @@ def open_bits(codes: CodeArray, calibration: SensorCalibration) -> str:
     if not missing:
         return ""
     bits = ", ".join(str(bit) for bit in range(missing.bit_length()) if missing >> bit & 1)
-    return (
-        f"bits {bits} of its samples are always 0: the light is dim, they are packed otherwise, "
-        "or `sensor_bits` is not right; the next frames are looked at"
-    )
+    reasons = "the light is dim, they are packed otherwise, or `sensor_bits` is not right"
+    return f"bits {bits} of its samples are always 0: {reasons}; the next frames are looked at"

@@ -219,11 +219,10 @@ class _Check:
     def _refuse(self, frame: RawFrame, reason: str) -> NoReturn:
         """Raise FrameError with the reason."""
         layout, source = self._sensor.layout, frame.source or "FRAME"
-        raise FrameError(
-            f"the frame is not as described: {reason}; run `panchroma identify {source} --size "
-            f"{layout.width}x{layout.height} --pixel-format {layout.format} --stride "
-            f"{layout.stride}`. If the description is right, add `unchecked`"
-        )
+        size = f"--size {layout.width}x{layout.height} --pixel-format {layout.format}"
+        command = f"`panchroma identify {source} {size} --stride {layout.stride}`"
+        otherwise = "If the description is right, add `unchecked`"
+        raise FrameError(f"the frame is not as described: {reason}; run {command}. {otherwise}")
 
 
 def impossible_level(codes: CodeArray, windows: Windows, calibration: SensorCalibration) -> str:
@@ -238,10 +237,9 @@ def impossible_level(codes: CodeArray, windows: Windows, calibration: SensorCali
     if highest >> calibration.bits:
         return f"a sample is {highest}, more than {calibration.bits} bits hold"
     if (darkest := float(windows.codes.mean(axis=(1, 2)).min())) < black - _margin(calibration):
-        return (
-            f"a part of it has a mean of {darkest:.0f}, darker than black, which is {black:.0f} "
-            "(`black=N` states another level; `unchecked` is for frames of a covered lens)"
-        )
+        dark = f"a part of it has a mean of {darkest:.0f}, darker than black, which is {black:.0f}"
+        remedy = "`black=N` states another level; `unchecked` is for frames of a covered lens"
+        return f"{dark} ({remedy})"
     return ""
 
 
@@ -306,9 +304,8 @@ def lacks_filters(windows: Windows, pattern: CfaPattern, calibration: SensorCali
     black, white = float(np.mean(calibration.black_level)), calibration.white_level
     sites = ~pattern.panchromatic_mask((pattern.period, pattern.period))
     levels = windows.levels(pattern.period) - black
-    lit = (levels[:, ~sites].mean(axis=1) > _LIT * (white - black)) & (
-        (windows.codes >= white).mean(axis=(1, 2)) < _CLIPPED
-    )
+    is_bright = levels[:, ~sites].mean(axis=1) > _LIT * (white - black)
+    lit = is_bright & ((windows.codes >= white).mean(axis=(1, 2)) < _CLIPPED)
     if lit.sum() < _FEW_WINDOWS:
         return False
     for axis in (0, 1):
@@ -342,10 +339,9 @@ def shows_colours(
         candidates.append(CfaPattern.with_block(block, period, origin, channels))
     planes = [candidate.filter_map((period, period)) for candidate in candidates]
     sites = planes[0] < len(pattern.channels)
-    kinds = {
-        (plane[sites, None] == plane[sites]).tobytes(): plane[sites] for plane in reversed(planes)
-    }
-    ours = kinds.pop((planes[0][sites, None] == planes[0][sites]).tobytes())
+    at_sites = [plane[sites] for plane in planes]
+    kinds = {(plane[:, None] == plane).tobytes(): plane for plane in reversed(at_sites)}
+    ours = kinds.pop((at_sites[0][:, None] == at_sites[0]).tobytes())
     if not kinds:
         return True
     levels = windows.levels(period) - float(np.mean(calibration.black_level))
@@ -355,9 +351,8 @@ def shows_colours(
     samples = levels[:, sites]
     own, others = _spread(samples, ours), [_spread(samples, other) for other in kinds.values()]
     # What makes sites of one channel differ, the scene or the sensor, is at most as large as this.
-    usual = np.maximum(
-        _SCENE * levels[:, ~sites].var(axis=1), np.square(_IMBALANCE * samples.mean(axis=1)) / 2
-    )
+    contrast, level = levels[:, ~sites].var(axis=1), samples.mean(axis=1)
+    usual = np.maximum(_SCENE * contrast, np.square(_IMBALANCE * level) / 2)
     best = min(others, key=lambda other: float(other.mean()))
     if all(_exceeds(other, np.maximum(own, usual)) for other in others):
         return True

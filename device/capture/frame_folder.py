@@ -74,10 +74,8 @@ def watch_folder(
         # then.
         done = {path: state for path, state in done.items() if path in now}
         yielded = {path: checksum for path, checksum in yielded.items() if path in now}
-        new = sorted(
-            (entry for entry in now.items() if done.get(entry[0]) != entry[1]),
-            key=lambda entry: (entry[1][1], entry[0]),
-        )
+        changed = [entry for entry in now.items() if done.get(entry[0]) != entry[1]]
+        new = sorted(changed, key=lambda entry: (entry[1][1], entry[0]))
         waits = {entry: waits.get(entry, (time.monotonic(), _PATIENCE)) for entry in new}
         for path, state in new:
             since, patience = waits[path, state]

@@ -186,9 +186,8 @@ class FrameLayout:
             line = f"but a line of {self.width} pixels in {self.format} has {self.line_bytes}"
             raise InputError(f"the stride is {self.stride} bytes, {line}")
         if self.frame_bytes > _MOST_BYTES * MAX_PIXELS:
-            raise InputError(
-                f"a frame of {self.height} lines of {self.stride} bytes is larger than any sensor's"
-            )
+            frame = f"a frame of {self.height} lines of {self.stride} bytes"
+            raise InputError(f"{frame} is larger than any sensor's")
 
     @property
     def bits(self) -> int:
@@ -240,9 +239,8 @@ class FrameLayout:
         # the last word of a line reaches beyond it
         padded = np.zeros((_STRIP, self.line_bytes + packing.word.itemsize), np.uint8)
         shape = _STRIP, self.line_bytes // packing.length
-        groups: NDArray[Any] = np.ndarray(
-            shape, packing.word, padded, strides=(padded.shape[1], packing.length)
-        )
+        strides = padded.shape[1], packing.length
+        groups: NDArray[Any] = np.ndarray(shape, packing.word, padded, strides=strides)
         packed, unpacked, field = (np.empty(shape, packing.word) for _ in range(3))
         for top in range(0, self.height, _STRIP):
             strip = lines[top : top + _STRIP]
@@ -283,10 +281,8 @@ class FrameLayout:
     @property
     def size(self) -> str:
         """Size and format in words, for messages."""
-        return (
-            f"{self.width} x {self.height} pixels in {self.format} with a stride of "
-            f"{self.stride} have {self.frame_bytes}"
-        )
+        pixels = f"{self.width} x {self.height} pixels in {self.format}"
+        return f"{pixels} with a stride of {self.stride} have {self.frame_bytes}"
 
     def likely(self, length: int) -> str:
         """The options with which `length` bytes are whole frames; "" if there are none, or if they
@@ -382,10 +378,9 @@ class Sensor:
         bits = self.calibration.bits
         # samples of 16-bit words may use the lower bits only
         if bits > self.layout.bits or bits != self.layout.bits < 16:
-            raise InputError(
-                f"the calibration is for samples of {bits} bits, {self.layout.format} has "
-                f"{self.layout.bits}: they belong to different modes of the sensor"
-            )
+            both = f"samples of {bits} bits, {self.layout.format} has {self.layout.bits}"
+            reason = "they belong to different modes of the sensor"
+            raise InputError(f"the calibration is for {both}: {reason}")
         self.dark()
 
     def dark(self) -> Mosaic:
@@ -450,10 +445,8 @@ def read_frames(stream: RawIOBase, layout: FrameLayout) -> Iterator[RawFrame]:
         count += 1
         yield RawFrame.now(data.toreadonly())
     if filled:
-        advice = (
-            "If the camera was not stopped, its frames have another size, and the shots of "
-            "this stream are wrong"
-        )
+        wrong = "its frames have another size, and the shots of this stream are wrong"
+        advice = f"If the camera was not stopped, {wrong}"
         if likely := layout.likely(count * len(data) + filled):
             discard = "discard the shots of this stream"
             advice = f"All its bytes are whole frames with {likely}: {discard}"

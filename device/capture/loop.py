@@ -148,9 +148,8 @@ def capture_burst(
     """
     taken = list(islice(frames, count))
     if len(taken) < count:
-        yield Refused(
-            f"the frames ended after {len(taken)} of {count} of the burst; none of them is saved"
-        )
+        ended = f"the frames ended after {len(taken)} of {count} of the burst"
+        yield Refused(f"{ended}; none of them is saved")
         return
     first, mosaics = taken[0].taken, []
     while taken:  # raw bytes are let go as samples take their place

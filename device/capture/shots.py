@@ -19,6 +19,10 @@ from ...shared.writing import durable_file, partial_path, sweep
 _NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(\d{6,})(-\d+)?\.dng")
 
 
+Frames = Callable[[], Iterable[tuple[Mosaic, ByteArray]]]
+"""Makes the frames of a burst with their previews; may be called again."""
+
+
 class ShotFolder:
     """Saves shots as TIME-COUNTER.dng, bursts as TIME-COUNTER-1.dng, -2.dng ..., durably, and never
     over another file.
@@ -88,9 +92,7 @@ class ShotFolder:
         (path,) = self._save_together(lambda: [(mosaic, picture)], [""], taken)
         return path
 
-    def burst(
-        self, frames: Callable[[], Iterable[tuple[Mosaic, ByteArray]]], count: int, taken: datetime
-    ) -> list[Path]:
+    def burst(self, frames: Frames, count: int, taken: datetime) -> list[Path]:
         """Write all frames of a burst, or none, and return their paths; see `save`.
 
         All files are written before the first gets its name, and frame 1 gets its own last:
@@ -106,16 +108,10 @@ class ShotFolder:
         taken : datetime
             Time of the first one, which all their names have.
         """
-        return self._save_together(
-            frames, [frame_name("", number, count) for number in range(1, count + 1)], taken
-        )
+        endings = [frame_name("", number, count) for number in range(1, count + 1)]
+        return self._save_together(frames, endings, taken)
 
-    def _save_together(
-        self,
-        frames: Callable[[], Iterable[tuple[Mosaic, ByteArray]]],
-        endings: Sequence[str],
-        taken: datetime,
-    ) -> list[Path]:
+    def _save_together(self, frames: Frames, endings: Sequence[str], taken: datetime) -> list[Path]:
         """Save frames under one TIME-COUNTER; their names end with `endings`."""
         while True:
             time = taken.astimezone(UTC)

@@ -46,10 +46,8 @@ class Windows:
             for size in codes.shape
         )
         places = np.array([(row, column) for row in rows for column in columns])
-        cut = np.stack(
-            [codes[row : row + side, column : column + side] for row, column in places]
-        ).astype(np.float32)
-        return cls(cut, places + np.array((top, 0)))
+        cut = [codes[row : row + side, column : column + side] for row, column in places]
+        return cls(np.stack(cut).astype(np.float32), places + np.array((top, 0)))
 
     def flattened(self, width: int = _WIDTH) -> "Windows":
         """Return the samples minus their local mean, in local mean deviations, limited: all places
@@ -68,9 +66,8 @@ class Windows:
         """Return the upper (0) or lower (1), left or right quarter of each window."""
         half = self.codes.shape[1] // 2
         top, left = down * half, right * half
-        return Windows(
-            self.codes[:, top : top + half, left : left + half], self.places + np.array((top, left))
-        )
+        codes = self.codes[:, top : top + half, left : left + half]
+        return Windows(codes, self.places + np.array((top, left)))
 
     def folded(self, period: int) -> DoubleArray:
         """Return the mean of each window at each place of a K x K square, minus the mean of all

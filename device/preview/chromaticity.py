@@ -80,10 +80,8 @@ def estimate_ratios(g: PatternGraph, blocks: Blocks) -> str:
     def of_channels(products: str) -> str:
         if counts == [1] * g.channels:
             return products
-        ratios = [
-            g.total(product, count, axis=0)
-            for product, count in zip(g.split(products, counts, axis=0), counts, strict=True)
-        ]
+        groups = zip(g.split(products, counts, axis=0), counts, strict=True)
+        ratios = [g.total(product, count, axis=0) for product, count in groups]
         if derived is not None:  # no sample: the constraint alone decides
             ratios.insert(derived, g("Mul", ratios[0], 0.0))
         return g("Concat", *ratios, axis=0)
@@ -128,9 +126,8 @@ def pool(g: PatternGraph, ratios: str, blocks: Blocks) -> tuple[str, str, str]:
     power = g("Mul", luminance, luminance)
     colours = g("Mul", ratios, luminance)  # of two similar blocks the brighter one has less noise
     # What noise alone adds to both squared differences is no stroke (see `fill_holes`).
-    strokes = g(
-        "Relu", g("Sub", blocks.change, g("Mul", g("Add", g.still, g("Mul", variance, 2.0)), 2.0))
-    )
+    by_noise = g("Mul", g("Add", g.still, g("Mul", variance, 2.0)), 2.0)
+    strokes = g("Relu", g("Sub", blocks.change, by_noise))
     alike = g("Add", g("Mul", power, _ALIKE), g("Mul", variance, _ALIKE_NOISE))
     alike = g("Add", alike, g("Mul", strokes, _ALIKE_STROKES))
     sure = g("Div", power, g("Add", power, g("Mul", strokes, _STROKES)))
@@ -138,9 +135,8 @@ def pool(g: PatternGraph, ratios: str, blocks: Blocks) -> tuple[str, str, str]:
     similar = g("Slice", similarity(g, colours, alike, 2), [1], [-1], [1])
     mean = with_neighbours(g, mean, similar, 2)
     mean = with_neighbours(g, mean, g("Slice", similar, [1], [-1], [2]), 2)
-    own, luminance, power, variance, change, strokes = (
-        g.inner(plane) for plane in (colours, luminance, power, variance, blocks.change, strokes)
-    )
+    planes = colours, luminance, power, variance, blocks.change, strokes
+    own, luminance, power, variance, change, strokes = map(g.inner, planes)
     misread = g("Add", variance, g("Mul", change, _MISREAD))
     pooled = g("Add", g("Mul", own, g("Mul", power, _POOLING)), g("Mul", mean, misread))
     limit = g("Add", g("Mul", power, _CONTRAST), g("Mul", variance, _NOISE_WEIGHT))
@@ -172,12 +168,8 @@ def with_neighbours(g: PatternGraph, values: str, similar: str, axis: int) -> st
     """Values of all but the outermost blocks along an axis, plus those of both neighbours as far as
     they are alike.
     """
-    own, before, after = (
-        g("Slice", values, [first], [last], [axis]) for first, last in ((1, -1), (0, -2), (2, END))
-    )
-    like_before, like_after = (
-        g("Slice", similar, [first], [last], [axis]) for first, last in ((0, -1), (1, END))
-    )
+    own, before, after = g.cut(values, axis, (1, -1), (0, -2), (2, END))
+    like_before, like_after = g.cut(similar, axis, (0, -1), (1, END))
     return g("Add", own, g("Add", g("Mul", before, like_before), g("Mul", after, like_after)))
 
 
@@ -202,14 +194,13 @@ def propagate(
         What the result is divided by, see `burnt_out`; "" = nothing.
     """
     place = (np.arange(g.geometry.across) + 0.5) / g.geometry.across
-    weights, mixed = [], []
+    planes, weights, mixed = (luminance, limit, colour), [], []
     for down in (0, 1):
         for right in (0, 1):
             near = np.outer(place if down else 1 - place, place if right else 1 - place) ** _SPREAD
             ends = [END if down else -1, END if right else -1]
             level, most, block = (
-                g("Slice", plane, [down, right], ends, [1, 2])
-                for plane in (luminance, limit, colour)
+                g("Slice", plane, [down, right], ends, [1, 2]) for plane in planes
             )
             apart = g("Sub", coarse, level)
             weight = g("Div", most, g("Add", g("Mul", apart, apart), most))

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...shared.arrays import CodeArray, FloatArray, IndexArray, strips
+from ...shared.arrays import CodeArray, FloatArray, IndexArray, Pair, strips
 from ...shared.mosaic import Mosaic
 from ...shared.pattern import CfaPattern
 from . import contract
@@ -63,10 +63,8 @@ def correct_flat_field(mosaic: Mosaic) -> tuple[CodeArray, dict[str, FloatArray]
     return even, {name: level.astype(np.float32) for name, level in levels.items()}
 
 
-def copy_extended(
-    codes: CodeArray, period: int, row: int, column: int, target: NDArray[Any]
-) -> None:
-    """Fill `target` with the rectangle of a frame of codes, (H, W), extended on all sides, that
+def copy_extended(codes: CodeArray, period: int, row: int, column: int, out: NDArray[Any]) -> None:
+    """Fill `out` with the rectangle of a frame of codes, (H, W), extended on all sides, that
     begins at this row and column.
 
     Parameters
@@ -76,15 +74,14 @@ def copy_extended(
     row, column : int
         Counted from the first row and column of the frame; before it, or in it.
     """
-    rows, columns = (
-        _repeated(np.arange(first, first + count), size, period)
-        for first, count, size in zip((row, column), target.shape, codes.shape, strict=True)
-    )
-    left, right = -column, codes.shape[1] - column
+    (tall, wide), (height, width) = out.shape, codes.shape
+    rows = _repeated(np.arange(row, row + tall), height, period)
+    columns = _repeated(np.arange(column, column + wide), width, period)
+    left, right = -column, width - column
     # mostly without a copy
-    inside = codes[row : row + len(rows)] if 0 <= row <= len(codes) - len(rows) else codes[rows]
-    target[:, left:right] = inside
-    target[:, :left], target[:, right:] = inside[:, columns[:left]], inside[:, columns[right:]]
+    inside = codes[row : row + tall] if 0 <= row <= height - tall else codes[rows]
+    out[:, left:right] = inside
+    out[:, :left], out[:, right:] = inside[:, columns[:left]], inside[:, columns[right:]]
 
 
 def _repeated(places: IndexArray, size: int, period: int) -> IndexArray:
@@ -99,9 +96,7 @@ _SEARCHED = 400  # samples, the nearest first, of which the good ones are taken
 _REACH = 4  # periods
 
 
-def without_defects(
-    codes: CodeArray, pattern: CfaPattern, defects: tuple[tuple[int, int], ...]
-) -> CodeArray:
+def without_defects(codes: CodeArray, pattern: CfaPattern, defects: tuple[Pair, ...]) -> CodeArray:
     """Return the codes of a frame, uint16 (H, W), with the samples of its defects replaced; `codes`
     itself if it has none.
 
@@ -157,7 +152,6 @@ def _same_filter(pattern: CfaPattern, row: int, column: int) -> IndexArray:
     period, reach = pattern.period, _REACH * pattern.period
     planes = pattern.filter_map((period, period))
     steps = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1).T
-    steps = steps[
-        planes[tuple((steps + np.array((row, column))).T % period)] == planes[row, column]
-    ]
+    there = planes[tuple((steps + np.array((row, column))).T % period)]
+    steps = steps[there == planes[row, column]]
     return steps[np.argsort(np.square(steps).sum(axis=1), kind="stable")[1 : _SEARCHED + 1]]

@@ -92,10 +92,9 @@ class Geometry:
     def __post_init__(self) -> None:
         period, possible = self.pattern.period, self.scales(self.pattern)
         if self.scale not in possible:
-            raise InputError(
-                f"a preview with one pixel per {self.scale} x {self.scale} sensor pixels: a "
-                f"pattern of period {period} has {', '.join(map(str, possible))}"
-            )
+            asked = f"a preview with one pixel per {self.scale} x {self.scale} sensor pixels"
+            known = f"a pattern of period {period} has {', '.join(map(str, possible))}"
+            raise InputError(f"{asked}: {known}")
 
     @staticmethod
     def scales(pattern: CfaPattern) -> tuple[int, ...]:
@@ -204,9 +203,8 @@ class Geometry:
         holes = []
         for *site, _ in self.sites:
             # A block at the top left corner of a patch begins in the patch before, -1.
-            (before, row), (left, column) = (
-                divmod(value - half, period) for value, half in zip(site, self.half, strict=True)
-            )
+            steps = zip(site, self.half, strict=True)
+            (before, row), (left, column) = (divmod(step - half, period) for step, half in steps)
             pixel = row % side * side + column % side
             holes.append(Hole(pixel, row // side * self.across + column // side, -before, -left))
         return holes
@@ -282,10 +280,8 @@ class Geometry:
         if all(self._is_clear(_moved(site, axis, step)) for step in wide):
             steps = wide
             weights = _CUBIC * _lagrange(wide) + (1 - _CUBIC) * np.array([0, *weights, 0])
-        return {
-            _moved(site, axis, step): weight
-            for step, weight in zip(steps, _exact(weights), strict=True)
-        }
+        places = [_moved(site, axis, step) for step in steps]
+        return dict(zip(places, _exact(weights), strict=True))
 
     def _sides(self, site: Place, axis: int) -> list[int]:
         """Steps along an axis from a site to the panchromatic pixels before it and after it; empty
@@ -310,9 +306,8 @@ class Geometry:
             weights = scaled * near
             if np.allclose(plane @ scaled, (1, 0, 0)):
                 break
-        return {
-            place: weight for place, weight in zip(places, _exact(weights), strict=True) if weight
-        }
+        exact = zip(places, _exact(weights), strict=True)
+        return {place: weight for place, weight in exact if weight}
 
     def _differences(self, axis: int) -> list[tuple[Place, Place]]:
         """Pairs of panchromatic neighbours along an axis, within the block and one pixel around it.
@@ -370,6 +365,5 @@ def _exact(weights: DoubleArray) -> list[float]:
 def _lagrange(steps: list[int]) -> DoubleArray:
     """Weights of samples at `steps` that give the value at 0 of the polynomial through them."""
     nodes = np.array(steps, float)
-    return np.array(
-        [np.prod([other / (other - node) for other in nodes if other != node]) for node in nodes]
-    )
+    factors = [[other / (other - node) for other in nodes if other != node] for node in nodes]
+    return np.array([np.prod(each) for each in factors])

@@ -62,17 +62,15 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
 
 def _finished(g: PatternGraph, picture: str) -> bytes:
     """The graph as a file that says what its inputs are and which pattern it is for."""
-    channels = g.channels
-    planes = [channels + 1]
+    channels, planes = g.channels, [g.channels + 1]
     sizes: dict[str, Shape] = {contract.BLACK: planes, contract.SCALE: planes}
     sizes |= {contract.GAMMA: [channels], contract.NOISE: [2]}
     sizes[contract.GAIN] = ["gain_rows", "gain_columns"]
     if not g.linear:
         sizes |= {contract.WHITE: [channels], contract.MATRIX: [3, channels]}
-    inputs: dict[str, tuple[int, Shape]] = {
-        contract.MOSAIC: (UINT16 if g.geometry.scale == 1 else FLOAT, ["rows", "columns"]),
-        **{name: (FLOAT, size) for name, size in sizes.items()},
-    }
+    kind = UINT16 if g.geometry.scale == 1 else FLOAT
+    inputs: dict[str, tuple[int, Shape]] = {contract.MOSAIC: (kind, ["rows", "columns"])}
+    inputs |= {name: (FLOAT, size) for name, size in sizes.items()}
     kind = FLOAT if g.linear else UINT8
     output: tuple[str, int, Shape] = (contract.PICTURE, kind, ["height", "width", g.shown])
     facts = {

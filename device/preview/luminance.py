@@ -118,9 +118,7 @@ def correct_luminance(g: PatternGraph, blocks: Blocks, ratios: str) -> str:
     luminance there (`shared.site_errors`), as far as it is more than noise, and as there is
     contrast: next to flat luminance it is an error of colour.
     """
-    samples, filled, contrast = (
-        g.inner(each) for each in (blocks.samples, blocks.filled, blocks.contrast)
-    )
+    samples, filled, contrast = map(g.inner, (blocks.samples, blocks.filled, blocks.contrast))
     channels, count = [channel for _, _, channel in g.geometry.sites], len(g.geometry.sites)
     gamma = g("Gather", g.gamma, channels)
     residual = g("Sub", samples, g("Mul", g("Gather", ratios, channels), filled))

@@ -42,7 +42,7 @@ class Nodes:
 
     def __call__(self, operator: str, *inputs: Operand, **attributes: int | list[int]) -> str:
         """Append a node with one output."""
-        return self._append(operator, inputs, 1, attributes)[0]
+        return self._append(operator, inputs, 1, **attributes)[0]
 
     def sum(self, terms: Sequence[str]) -> str:
         """The sum of the terms, added in this order."""
@@ -55,7 +55,11 @@ class Nodes:
         """Slices of `values`, of these sizes, along an axis."""
         if len(sizes) == 1:
             return [values]
-        return self._append("Split", [values, list(sizes)], len(sizes), {"axis": axis})
+        return self._append("Split", [values, list(sizes)], len(sizes), axis=axis)
+
+    def cut(self, values: str, axis: int, *spans: tuple[int, int]) -> list[str]:
+        """`values` from the first to the end of each span along an axis."""
+        return [self("Slice", values, [first], [end], [axis]) for first, end in spans]
 
     def total(self, values: str, count: int, axis: int) -> str:
         """The sum over an axis of length `count`, added pairwise in a fixed order; that of
@@ -104,27 +108,16 @@ class Nodes:
             _message({1: shape, 2: kind, 8: name, 9: data})
             for (kind, shape, data), name in self._constants.items()
         ]
-        graph = _message(
-            {
-                1: [*self._nodes, _message({1: result, 2: output[0], 3: output[0], 4: "Identity"})],
-                2: "preview",
-                5: constants,
-                11: [_described(name, *each) for name, each in inputs.items()],
-                12: _described(*output),
-            }
-        )
+        last = _message({1: result, 2: output[0], 3: output[0], 4: "Identity"})
+        nodes, given = [*self._nodes, last], _described(*output)
+        taken = [_described(name, *each) for name, each in inputs.items()]
+        graph = _message({1: nodes, 2: "preview", 5: constants, 11: taken, 12: given})
         texts = [_message({1: name, 2: text}) for name, text in metadata.items()]
-        opset = _message({1: "", 2: OPSET})
-        return _message(
-            {1: IR_VERSION, 2: producer[0], 3: producer[1], 7: graph, 8: opset, 14: texts}
-        )
+        opset, (name, version) = _message({1: "", 2: OPSET}), producer
+        return _message({1: IR_VERSION, 2: name, 3: version, 7: graph, 8: opset, 14: texts})
 
     def _append(
-        self,
-        operator: str,
-        inputs: Sequence[Operand],
-        outputs: int,
-        attributes: Mapping[str, int | list[int]],
+        self, operator: str, inputs: Sequence[Operand], outputs: int, **attributes: int | list[int]
     ) -> list[str]:
         name = f"{operator.lower()}_{len(self._nodes)}"
         results = [name] if outputs == 1 else [f"{name}_{number}" for number in range(outputs)]
@@ -143,9 +136,8 @@ class Nodes:
         array = np.asarray(value)
         dtype, kind = _CONSTANTS[array.dtype.kind]
         array = array.astype(np.dtype(dtype).newbyteorder("<"))
-        return self._constants.setdefault(
-            (kind, array.shape, array.tobytes()), f"constant_{len(self._constants)}"
-        )
+        content = kind, array.shape, array.tobytes()
+        return self._constants.setdefault(content, f"constant_{len(self._constants)}")
 
 
 def _described(name: str, kind: int, shape: Shape) -> bytes:

@@ -52,10 +52,8 @@ class PatternGraph(Nodes):
         self.black = self("Slice", contract.BLACK, [channels], [channels + 1])
         self.unit = self("Slice", contract.SCALE, [channels], [channels + 1])
         square = self("Mul", self.unit, self.unit)
-        blocks = [
-            self("Add", count, [1 + 2 * reach])
-            for count, reach in zip(self.patches, REACH, strict=True)
-        ]
+        reaches = zip(self.patches, REACH, strict=True)
+        blocks = [self("Add", count, [1 + 2 * reach]) for count, reach in reaches]
         gain = self("Expand", contract.GAIN, self("Concat", [1], *blocks, axis=0))
         full_scale = self("Div", self.total(self.gamma, channels, axis=0), self.unit)
         self.full_scale = self("Mul", full_scale, gain)

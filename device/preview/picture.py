@@ -49,9 +49,8 @@ def burnt_out(g: PatternGraph, coarse: str) -> str:
     first, last = SATURATED
     fall = (1 - 1 / _BURNT) / (last - first)
     inner = g.inner(g.full_scale)  # a patch is in the middle of the blocks at its corners
-    corners = [
-        g("Slice", inner, [first] * 2, [last] * 2, [1, 2]) for first, last in ((0, -1), (1, END))
-    ]
+    ends = (0, -1), (1, END)
+    corners = [g("Slice", inner, [first] * 2, [last] * 2, [1, 2]) for first, last in ends]
     slope = g("Div", -2 * fall, g("Add", *corners))
     return g("Clip", g("Add", g("Mul", coarse, slope), 1 + fall * first), 1 / _BURNT, 1.0)
 

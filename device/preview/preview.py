@@ -97,10 +97,8 @@ class Preview:
         """
         pattern, scale, linear = mosaic.pattern, self._geometry.scale, self._linear
         self._check(pattern)
-        rows, columns = (
-            _Axis(size, middle, pattern.period, scale)
-            for size, middle in zip(mosaic.shape, pattern.block_middle, strict=True)
-        )
+        middles = zip(mosaic.shape, pattern.block_middle, strict=True)
+        rows, columns = (_Axis(size, middle, pattern.period, scale) for size, middle in middles)
         above, below, left, right = self._geometry.halo
         even, levels = correct_flat_field(mosaic)
         codes = without_defects(even, pattern, mosaic.calibration.defects)
@@ -144,10 +142,9 @@ class Preview:
     def _check(self, pattern: CfaPattern) -> None:
         """Raise InputError unless the graph was made for this pattern."""
         own = self._geometry.pattern
-        for name, ours, other in (
-            ("pattern", contract.tile_name(own), contract.tile_name(pattern)),
-            ("channels", own.channels, pattern.channels),
-        ):
+        patterns = [contract.tile_name(each) for each in (own, pattern)]
+        channels = [own.channels, pattern.channels]
+        for name, (ours, other) in {"pattern": patterns, "channels": channels}.items():
             if ours != other:
                 raise InputError(f"the preview is for the {name} {ours}, the mosaic has {other}")
 
