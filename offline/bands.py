@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ..shared.arrays import FloatArray
+from ..shared.arrays import FloatArray, Pair
 from ..shared.errors import InputError
 from ..shared.progress import SILENT, Progress
 from .numerics.chunks import copy_together
@@ -211,10 +211,9 @@ def _check_halo(stage: RowStage, band: Band, made: Band) -> None:
         for name, plane in made.rows(first, end)._planes():
             apart = np.abs(again[name] - plane).reshape(end - first, -1).max(axis=1)
             if apart.max() > _ROUNDING * max(float(np.abs(plane).max()), DARK):
-                raise InputError(
-                    f"the stage {stage.name!r} looks farther than its {stage.halo}: {name} in row "
-                    f"{first + int(apart.argmax())} depends on rows beyond; state a larger radius"
-                )
+                looks = f"the stage {stage.name!r} looks farther than its {stage.halo}"
+                found = f"{name} in row {first + int(apart.argmax())} depends on rows beyond"
+                raise InputError(f"{looks}: {found}; state a larger radius")
 
 
 def _checked(made: object, returned: str, band: Band, rows: tuple[int, int]) -> Band:
@@ -245,9 +244,7 @@ def _checked(made: object, returned: str, band: Band, rows: tuple[int, int]) -> 
     return Band(made.first, **planes)
 
 
-def regroup(
-    bands: Iterable[Band], height: int, halo: Halo
-) -> Iterator[tuple[Band, tuple[int, int]]]:
+def regroup(bands: Iterable[Band], height: int, halo: Halo) -> Iterator[tuple[Band, Pair]]:
     """Cut a picture into other bands: yield (band, rows), where a band holds `halo.radius` rows
     more around `rows`.
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ..shared.arrays import BORDER, BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
+from ..shared.arrays import BORDER, BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray, Pair
 from ..shared.block_grid import BlockGrid
 from ..shared.calibration import NoiseModel
 from ..shared.errors import InputError
@@ -140,21 +140,18 @@ class Sites:
     def residual(self, band: Band, rows: slice) -> FloatArray:
         """Residual of a band at the sites of these rows of blocks, (rows, columns, S)."""
         if band.residual is None:
-            raise InputError(
-                "no stage has measured the residual of the picture at the colour sites: the "
-                "stage 'residual' has to come before, and "
-                "stages of one's own keep Band.residual, as dataclasses.replace does"
-            )
+            lacks = "no stage has measured the residual of the picture at the colour sites"
+            before = "the stage 'residual' has to come before"
+            kept = "stages of one's own keep Band.residual, as dataclasses.replace does"
+            raise InputError(f"{lacks}: {before}, and {kept}")
         return self.in_rows(band.residual, rows, band.first)
 
     def means(self, values: NDArray[Any]) -> NDArray[Any]:
         """The means of values, (*B, S), over the sites of each channel, (*B, C); a channel without
         sites reads the mean of the others, as in grey.
         """
-        means = [
-            values[..., self.channels == channel].mean(axis=2)
-            for channel in np.flatnonzero(self.pattern.site_counts)
-        ]
+        read = np.flatnonzero(self.pattern.site_counts)
+        means = [values[..., self.channels == channel].mean(axis=2) for channel in read]
         if (derived := self.pattern.derived) is not None:
             means.insert(derived, np.mean(means, axis=0, dtype=values.dtype))
         return np.stack(means, axis=2)
@@ -188,16 +185,13 @@ class Sites:
             inside = ~np.isnan(values)
             lowest[rows], highest[rows] = np.fmin.reduce(values), np.fmax.reduce(values)
             weight = np.einsum("sr,rij->ijs", near, inside)
-            filled[rows] = np.einsum("sr,rij->ijs", near, np.where(inside, values, 0)) / np.where(
-                weight > 0, weight, 1
-            )
+            total = np.einsum("sr,rij->ijs", near, np.where(inside, values, 0))
+            filled[rows] = total / np.where(weight > 0, weight, 1)
 
         in_strips(work, end - first, BLOCK_ROWS)
         return Surroundings(filled, lowest, highest)
 
-    def beside(
-        self, plane: FloatArray, rows: slice, steps: Iterable[tuple[int, int]]
-    ) -> Iterator[FloatArray]:
+    def beside(self, plane: FloatArray, rows: slice, steps: Iterable[Pair]) -> Iterator[FloatArray]:
         """For each step, yield the values of a plane, (H, W), so far (down, right) of the first
         pixels of these rows of blocks.
 
@@ -506,10 +500,8 @@ class Frame:
         """
         if self.shading is None:
             return np.ones(1)
-        place = self.sites.at(rows)[0]
-        *gains, panchromatic = (
-            self.shading.of_plane(self.mosaic.shape, plane, *place) for plane in (*channels, -1)
-        )
+        gain, shape, place = self.shading.of_plane, self.mosaic.shape, self.sites.at(rows)[0]
+        *gains, panchromatic = (gain(shape, plane, *place) for plane in (*channels, -1))
         return np.stack(gains, axis=2, dtype=np.float64) / panchromatic[..., None]
 
     def limits(self, rows: slice) -> NDArray[Any]:
@@ -520,10 +512,8 @@ class Frame:
         if self.shading is None:
             return np.full(1, self.clipping)
         gain, shape = self.shading.of_plane, self.mosaic.shape
-        ratios = [
-            gain(shape, channel, *place) / gain(shape, -1, *place)
-            for channel, place in zip(self.sites.channels, self.sites.at(rows), strict=True)
-        ]
+        sites = zip(self.sites.channels, self.sites.at(rows), strict=True)
+        ratios = [gain(shape, channel, *at) / gain(shape, -1, *at) for channel, at in sites]
         return self.clipping * np.stack(ratios, axis=2)
 
     def with_samples(self, signal: FloatArray) -> "Frame":

@@ -76,8 +76,6 @@ def pad_frame(luminance: FloatArray, grid: BlockGrid, reach: int = 0) -> PaddedF
     reach : int, optional
         Number of rows and columns added at both ends, mirrored once more.
     """
-    rows, columns = (
-        np.pad(np.pad(np.arange(size), padding, mode=BORDER), reach, mode=BORDER)
-        for size, padding in zip(grid.frame, grid.padding, strict=True)
-    )
-    return PaddedFrame(luminance, rows, columns)
+    axes = zip(grid.frame, grid.padding, strict=True)
+    whole = (np.pad(np.arange(size), padding, mode=BORDER) for size, padding in axes)
+    return PaddedFrame(luminance, *(np.pad(places, reach, mode=BORDER) for places in whole))

@@ -87,22 +87,19 @@ def row_stages(frame: Frame, settings: RenderSettings) -> list[RowStage]:
     >>> [stage.name for stage in row_stages(measure(grey), BEST)][0]
     'propagation'
     """
-    stages: list[RowStage | None] = [
-        Propagation(frame, settings.affinity, settings.propagation),  # c, Eqs. 10-14
-        # c+, Eqs. 15-16
-        Refinement(frame, settings.refinement) if settings.refinement.used else None,
-    ]
+    # c, Eqs. 10-14
+    stages: list[RowStage] = [Propagation(frame, settings.affinity, settings.propagation)]
+    if settings.refinement.used:  # c+, Eqs. 15-16
+        stages.append(Refinement(frame, settings.refinement))
     if frame.fill_error.size:
-        stages += [
-            SiteResidual(frame),
-            Correction(frame) if settings.correction.used else None,
-            ColourNetwork(network, frame)
-            if settings.learned.used and (network := network_for(frame.pattern))
-            else None,
-        ]
+        stages.append(SiteResidual(frame))
+        if settings.correction.used:
+            stages.append(Correction(frame))
+        if settings.learned.used and (network := network_for(frame.pattern)):
+            stages.append(ColourNetwork(network, frame))
     if frame.shading is not None:
         stages.append(ShadingCorrection(frame.shading, frame.shape))
-    return [stage for stage in stages if stage is not None]
+    return stages
 
 
 def render(
@@ -248,15 +245,12 @@ def clean_frame(
     check_frames([mosaic], settings)
     # No name keeps the samples with their defects while highlights are restored, which needs the
     # most memory.
-    return restore_highlights(
-        mend_defects(
-            uncleaned(mosaic, with_noise_model(mosaic.evenly_shaded(), settings.noise)),
-            settings.defects,
-            progress,
-        ),
-        settings.highlights,
+    frame = mend_defects(
+        uncleaned(mosaic, with_noise_model(mosaic.evenly_shaded(), settings.noise)),
+        settings.defects,
         progress,
     )
+    return restore_highlights(frame, settings.highlights, progress)
 
 
 def uncleaned(mosaic: Mosaic, samples: Mosaic) -> Frame:
@@ -304,13 +298,12 @@ def estimate_colour(
     """
     luminance = _checked_luminance(luminance, frame.shape)
     frame, lines = replace(frame, luminance=luminance, others=others, kept=alone), frame.lines
-    if settings.chromaticity.learned and serves(frame.pattern):
-        blocks, lines = learned_chromaticities(
-            frame, settings.chromaticity, settings.pooling, progress
-        )
+    medians, pooling = settings.chromaticity, settings.pooling
+    if medians.learned and serves(frame.pattern):
+        blocks, lines = learned_chromaticities(frame, medians, pooling, progress)
     else:  # c_j, Eqs. 6-9
-        blocks = estimate_chromaticities(frame, settings.chromaticity, progress)
-        blocks = pool_blocks(blocks, frame, settings.pooling, progress)
+        blocks = estimate_chromaticities(frame, medians, progress)
+        blocks = pool_blocks(blocks, frame, pooling, progress)
     frame = replace(frame, blocks=blocks, lines=lines, others=None)
     if not settings.asks_for_sites:
         return frame

@@ -34,20 +34,17 @@ def check_frames(mosaics: Sequence[Mosaic], settings: RenderSettings) -> None:
     for mosaic in mosaics:
         (height, width), period = mosaic.shape, mosaic.pattern.period
         if not mosaic.pattern.panchromatic_mask((min(height, period), min(width, period))).any():
-            raise InputError(
-                f"a frame of {width} x {height} pixels without a panchromatic one does not "
-                "measure luminance; use a larger one"
-            )
+            frame = f"a frame of {width} x {height} pixels without a panchromatic one"
+            raise InputError(f"{frame} does not measure luminance; use a larger one")
     white, step = mosaics[0].calibration.full_scale, mosaics[0].calibration.scale().min() / 2
     ends = [(mosaic.samples.min(), mosaic.samples.max()) for mosaic in mosaics]
     brightest, least = float(np.abs(ends).max()) / white, min(1 / _FARTHEST, step / white)
     codes = any(mosaic.samples.dtype == np.uint16 for mosaic in mosaics)
     if brightest and not codes and not least <= brightest <= _FARTHEST:
-        raise InputError(
-            f"the brightest sample is {brightest:.2g} times white, expected {least:.2g} to "
-            f"{_FARTHEST:g}: it is not in scene units, whose white is about 1; multiply the "
-            f"samples, and their noise, by {2.0 ** -frexp(brightest)[1]:.3g}"
-        )
+        found = f"{brightest:.2g} times white, expected {least:.2g} to {_FARTHEST:g}"
+        reason = "it is not in scene units, whose white is about 1"
+        remedy = f"multiply the samples, and their noise, by {2.0 ** -frexp(brightest)[1]:.3g}"
+        raise InputError(f"the brightest sample is {found}: {reason}; {remedy}")
 
 
 def check_finite(picture: FloatArray, first: int) -> None:
@@ -63,8 +60,7 @@ def check_finite(picture: FloatArray, first: int) -> None:
             return
     wrong = np.argwhere(~np.isfinite(picture).all(axis=2))
     if len(wrong):
-        raise RangeError(
-            f"{len(wrong)} pixels of the picture are not finite (NaN or infinite), the first in "
-            f"row {first + wrong[0, 0]}, column "
-            f"{wrong[0, 1]}; this is a fault of the render: please report the shot and the settings"
-        )
+        found = f"{len(wrong)} pixels of the picture are not finite (NaN or infinite)"
+        place = f"the first in row {first + wrong[0, 0]}, column {wrong[0, 1]}"
+        remedy = "this is a fault of the render: please report the shot and the settings"
+        raise RangeError(f"{found}, {place}; {remedy}")

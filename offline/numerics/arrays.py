@@ -29,7 +29,5 @@ Bools1 = Annotated[BoolArray, types.boolean[::1]]
 Bools2 = Annotated[BoolArray, types.boolean[:, ::1]]
 Bytes3 = Annotated[ByteArray, types.uint8[:, :, ::1]]
 
-Pair = tuple[int, int]
-"""A row and a column, how many of both, or the first and the end of some."""
 Area = tuple[int, int, int, int]
 """First and end row, first and end column."""

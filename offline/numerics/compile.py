@@ -31,11 +31,11 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
+from ...shared.arrays import Pair
 from ...shared.errors import OutputError
 from ...shared.processors import threads
 from ...shared.source import code_digest
 from ...shared.writing import write_durably
-from .arrays import Pair
 from .chunks import in_chunks
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -297,10 +297,9 @@ def writable_cache() -> Path:
     """The folder in which a kernel that is compiled now is kept; see `kernel_cache`."""
     if folder := next(filter(_can_be_written, _folders(len(kernels))), None):
         return folder
-    raise OutputError(
-        "there is no folder to keep compiled kernels in: every run compiles for half a minute; set "
-        "NUMBA_CACHE_DIR to a folder that you may write to"
-    )
+    effect = "every run compiles for half a minute"
+    remedy = "set NUMBA_CACHE_DIR to a folder that you may write to"
+    raise OutputError(f"there is no folder to keep compiled kernels in: {effect}; {remedy}")
 
 
 @contextmanager

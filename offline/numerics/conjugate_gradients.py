@@ -20,9 +20,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...shared.arrays import DoubleArray, FloatArray, IndexArray
+from ...shared.arrays import DoubleArray, FloatArray, IndexArray, Pair
 from ...shared.errors import ConvergenceError
-from .arrays import Floats1, Floats2, Floats3, Pair, Scalar
+from .arrays import Floats1, Floats2, Floats3, Scalar
 from .compile import kernel
 from .functions import unset, zeros
 
@@ -294,7 +294,5 @@ def check_convergence(
     """
     worst = float(residuals.max())
     if not worst <= tolerance:
-        raise ConvergenceError(
-            f"{solver}: conjugate gradients stopped at a relative residual of {worst:.1e} after "
-            f"{used.max()} iterations, short of {tolerance:.1e}"
-        )
+        stopped = f"stopped at a relative residual of {worst:.1e} after {used.max()} iterations"
+        raise ConvergenceError(f"{solver}: conjugate gradients {stopped}, short of {tolerance:.1e}")

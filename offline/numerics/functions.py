@@ -4,8 +4,8 @@ arrays.
 
 import numpy as np
 
-from ...shared.arrays import FloatArray
-from .arrays import Area, Pair, Scalar
+from ...shared.arrays import FloatArray, Pair
+from .arrays import Area, Scalar
 from .compile import kernel
 from .lanes import BYTES, WIDTH, Lanes, root_seed
 

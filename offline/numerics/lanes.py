@@ -143,9 +143,8 @@ def _root(builder: Any, x: Any) -> Any:
 
 def _seed(builder: Any, x: Any) -> Any:
     halved = builder.lshr(builder.bitcast(x, _INTEGERS), ir.Constant(_INTEGERS, [1] * WIDTH))
-    return builder.bitcast(
-        builder.sub(ir.Constant(_INTEGERS, [0x5F300000] * WIDTH), halved), _FLOATS
-    )
+    bits = builder.sub(ir.Constant(_INTEGERS, [0x5F300000] * WIDTH), halved)
+    return builder.bitcast(bits, _FLOATS)
 
 
 load, store, where_less = intrinsic(_load), intrinsic(_store), intrinsic(_where_less)

@@ -26,10 +26,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ...shared.arrays import BoolArray, FloatArray
+from ...shared.arrays import BoolArray, FloatArray, Pair
 from ...shared.block_grid import BlockGrid
 from ...shared.pattern import CfaPattern
-from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1, Pair
+from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1
 from ..numerics.chunks import chunk_count
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.conjugate_gradients import (
@@ -86,10 +86,7 @@ class Filters(NamedTuple):
 
 
 def solve_affinities(
-    luminance: FloatArray,
-    pattern: CfaPattern,
-    settings: AffinitySettings,
-    rows: tuple[int, int] | None = None,
+    luminance: FloatArray, pattern: CfaPattern, settings: AffinitySettings, rows: Pair | None = None
 ) -> FloatArray:
     """alpha[p, q, n] in 0..1, float32 (2, 2, rows, columns) of the padded frame (`BlockGrid`): the
     field of the blocks with row parity p, column parity q.
@@ -127,9 +124,8 @@ def derivative_filters(scales: tuple[float, ...]) -> Filters:
     """Gaussian filters at these scales, standard deviations in pixels."""
     distance = np.arange(int(TRUNCATE * max(scales) + 0.5) + 1)
     deviation = np.array(scales)[:, None]
-    smooth = np.exp(-(distance**2) / (2 * deviation**2)) * (
-        distance <= (TRUNCATE * deviation + 0.5).astype(int)
-    )
+    near = distance <= (TRUNCATE * deviation + 0.5).astype(int)
+    smooth = np.exp(-(distance**2) / (2 * deviation**2)) * near
     smooth /= smooth[:, :1] + 2 * smooth[:, 1:].sum(axis=1, keepdims=True)
     smooth[:, 0] /= 2  # the middle counts on both sides
     return Filters(smooth.astype(np.float32), (smooth * distance / deviation**2).astype(np.float32))
@@ -144,10 +140,9 @@ def _pins(pattern: CfaPattern, grid: BlockGrid, columns: int) -> FloatArray:
     (above, _), (left, _) = grid.padding
     shape = 2 * grid.period, 2 * grid.period + columns
     pinned = pattern.filter_map(shape, first=(-above, -left)) < len(pattern.channels)
-    down, across = (
-        (np.arange(size) + block // 2) // grid.period % 2
-        for size, block in zip(shape, grid.block_shape, strict=True)
-    )
+    (tall, wide), (height, width) = shape, grid.block_shape
+    down = (np.arange(tall) + height // 2) // grid.period % 2
+    across = (np.arange(wide) + width // 2) // grid.period % 2
     classes: BoolArray = pinned & (2 * down[:, None] + across == np.arange(CLASSES)[:, None, None])
     classes[_SOLVED] = pinned
     return classes.astype(np.float32)

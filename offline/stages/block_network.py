@@ -94,10 +94,7 @@ def serves(pattern: CfaPattern) -> bool:
 
 
 def learned_chromaticities(
-    frame: Frame,
-    medians: ChromaticitySettings,
-    pooling: PoolingSettings,
-    progress: Progress = SILENT,
+    frame: Frame, medians: ChromaticitySettings, pooling: PoolingSettings, progress: Progress
 ) -> tuple[FloatArray, FloatArray]:
     """c_j of every block of the grid, float32 (block rows, block columns, 3), and its line, (block
     rows, block columns, 8): c_j + s, with s the slope of colour beside c_j l, s times the luminance
@@ -230,9 +227,8 @@ def mixed(planes: FloatArray, answer: FloatArray) -> FloatArray:
     weights = np.exp(answer[4:] - answer[4:].max(axis=0))
     weights /= weights.sum(axis=0)
     rows, columns = planes.shape[1:]
-    slopes, proposals = np.split(
-        planes[-3 * (len(LINES) + PROPOSALS) :].reshape(-1, 3, rows, columns), [len(LINES)]
-    )
+    shown = planes[-3 * (len(LINES) + PROPOSALS) :].reshape(-1, 3, rows, columns)
+    slopes, proposals = np.split(shown, [len(LINES)])
     own, *others = proposals
     wide = np.pad(own, ((0, 0), (1, 1), (1, 1)), mode="edge")
     beside = (wide[:, down : down + rows, across : across + columns] for down, across in NEAR)
@@ -266,9 +262,8 @@ def block_planes(
     around = sites.surroundings(frame.signal, rows)
     lit = sites.in_rows(frame.luminance, rows) / level
     read = samples * gamma[channels] / level
-    moments = np.concatenate(
-        [_planes(sites.means(v)) for v in (lit, read, lit * lit, lit * read, read * read)]
-    )
+    means = (sites.means(v) for v in (lit, read, lit * lit, lit * read, read * read))
+    moments = np.concatenate([_planes(v) for v in means])
     own, weight, product = moments[:3], moments[6:9], moments[9:12]
     at_sites = np.maximum(mean_of_sites(lit), 0)
     x, share = at_sites[None], np.ones_like(weight)
@@ -350,13 +345,9 @@ def _line(
     prior = prior + (_EVEN * a) ** 2
     reached = mean + total * (x - luminance)
     chromaticity = _unit((x * reached + prior * z) / (x**2 + prior)).clip(-0.5, 1.5)
-    slope = total - chromaticity
-    return (
-        np.sqrt(spread.mean(axis=0, keepdims=True)) / a,
-        np.sqrt(np.maximum(missed, 0).mean(axis=0, keepdims=True)) / a,
-        slope - slope.mean(axis=0),
-        chromaticity,
-    )
+    slope, squares = total - chromaticity, (spread, np.maximum(missed, 0))
+    spread, missed = (np.sqrt(plane.mean(axis=0, keepdims=True)) / a for plane in squares)
+    return spread, missed, slope - slope.mean(axis=0), chromaticity
 
 
 def _unit(chromaticity: FloatArray) -> FloatArray:

@@ -27,6 +27,7 @@ out. Chunks of superpixels have one size and fixed places, so that neither threa
 a bit; in a chunk the network runs on the smallest box around the superpixels that are worth it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -124,7 +125,7 @@ class ColourNetwork(RowStage):
 
     @cached_property
     def _grid(self) -> "Superpixels":
-        return Superpixels.of(self.frame.sites)
+        return Superpixels(self.frame.sites)
 
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows with their chromaticity corrected; they end where chunks do."""
@@ -142,12 +143,10 @@ class ColourNetwork(RowStage):
         basis[:, grid.channels] = BASIS
 
         def correct(chunk: tuple[int, int]) -> None:
-            window = [
-                (index * side - _HALO, (index + 1) * side + _HALO)
-                for index, side in zip(chunk, sides, strict=True)
-            ]
+            axes = zip(chunk, sides, strict=True)
+            window = [(index * side - _HALO, (index + 1) * side + _HALO) for index, side in axes]
             error, variance, kept = residuals.of(*window)
-            pixels = grid.cut(band, gamma, window[0], window[1])
+            pixels = grid.cut(band, gamma, window)
             contrast = Contrast.of(pixels, error, variance)
             worth = contrast.bound > np.maximum(_FAINT * contrast.own, np.sqrt(contrast.variance))
             inner = worth[REACH:-REACH, REACH:-REACH]
@@ -157,15 +156,11 @@ class ColourNetwork(RowStage):
                 inputs = contrast.around(down, across, REACH).inputs()[None]
                 (answer,) = network.run(None, {"features": inputs})
                 limited = contrast.around(down, across, 1).answered(answer[0])
-                inside = (slice(_HALO + start, _HALO + end) for start, end in (down, across))
+                inside = [slice(_HALO + start, _HALO + end) for start, end in (down, across)]
                 missing = answer[0][2 * period**2 :] * kept[tuple(inside)]
-                pixel_rows, pixel_columns = (
-                    grid.pixels(axis, window[axis])[
-                        (_HALO + start) * period : (_HALO + end) * period
-                    ]
-                    for axis, (start, end) in enumerate((down, across))
-                )
-                places = pixel_rows - result.first, pixel_columns
+                cuts = [slice(at.start * period, at.stop * period) for at in inside]
+                along = [grid.pixels(axis, window[axis])[cut] for axis, cut in enumerate(cuts)]
+                places = along[0] - result.first, along[1]
                 add_answer(limited, missing, numbers, basis, gamma, places, luminance, chromaticity)
 
         chunks = [(down, across) for down in range(first, last + 1) for across in range(count)]
@@ -213,17 +208,15 @@ class Contrast(NamedTuple):
         departures = pixels[:, :, 1:-1, 1:-1].copy()
         departures[1:] -= departures[0] * colour[:, None]
         departures[0] -= mean
-        squares = np.einsum("cpyx,cpyx->cyx", departures, departures) / np.float32(
-            departures.shape[1]
-        )
+        squares = np.einsum("cpyx,cpyx->cyx", departures, departures)
+        squares /= np.float32(departures.shape[1])
         evidence = _mean_around(np.square(_inner(error)).mean(axis=0) + squares[1:].mean(axis=0))
         activity = evidence + np.float32(LUMINANCE) * _mean_around(squares[0])
         activity = np.sqrt(np.maximum(activity, np.float32(_LEAST_ACTIVITY)))
         beyond = np.maximum(evidence - np.float32(GATE) * _inner(_mean_around(variance)), 0)
         bound = np.minimum(activity, np.float32(EVIDENCE) * np.sqrt(beyond))
-        pixels, error, variance, own = (
-            _inner(planes, MARGIN) for planes in (pixels, error, variance, means[0])
-        )
+        every = pixels, error, variance, means[0]
+        pixels, error, variance, own = (_inner(planes, MARGIN) for planes in every)
         departures, mean, colour = map(_inner, (departures, mean, colour))
         return cls(pixels, departures, error, variance, own, mean, colour, activity, bound)
 
@@ -231,9 +224,8 @@ class Contrast(NamedTuple):
         """Return some of the superpixels inside the outermost `REACH`, with `margin` more on each
         side.
         """
-        down, across = (
-            slice(REACH + first - margin, REACH + end + margin) for first, end in (rows, columns)
-        )
+        before, after = REACH - margin, REACH + margin
+        down, across = (slice(before + first, after + end) for first, end in (rows, columns))
         return Contrast(*(planes[..., down, across] for planes in self))
 
     def inputs(self) -> FloatArray:
@@ -256,9 +248,8 @@ class Contrast(NamedTuple):
         """
         dim = np.maximum(_DIM * self.own, np.float32(_LEAST_DIM))
         chromaticity = self.pixels[1:] / np.maximum(self.pixels[0], dim)
-        low, high = (
-            _extreme(of, of.reduce(chromaticity, axis=1)) for of in (np.minimum, np.maximum)
-        )
+        low = _extreme(np.minimum, chromaticity.min(axis=1))
+        high = _extreme(np.maximum, chromaticity.max(axis=1))
         bound, dim = (np.ascontiguousarray(_inner(plane)) for plane in (self.bound, dim))
         change = answer[: 2 * self.pixels.shape[1]].reshape(2, -1, *bound.shape)
         return Answer(change, bound, dim, low, high)
@@ -305,9 +296,9 @@ def _extreme(of: np.ufunc, planes: FloatArray) -> FloatArray:
     return extreme
 
 
-@dataclass(frozen=True)
 class Superpixels:
-    """The superpixels of a frame, and their way to and from the orientation that the network knows.
+    """The superpixels of a frame with channels R, G and B, and their way to and from the
+    orientation that the network knows.
 
     Mirrored, a block has as many pixels of its superpixel before it as behind it, or one less.
 
@@ -331,40 +322,23 @@ class Superpixels:
         Indices of the sites of a block, in their order in the mirrored block: R, G, G, B.
     """
 
-    frame: tuple[int, int]
-    period: int
-    origin: tuple[int, int]
-    shape: tuple[int, int]
-    blocks: tuple[int, int]
-    steps: tuple[int, int]
-    channels: list[int]
-    sites: list[int]
-
-    @classmethod
-    def of(cls, sites: Sites) -> "Superpixels":
-        """Return the superpixels of a frame with channels R, G and B."""
+    def __init__(self, sites: Sites) -> None:
         pattern, grid, period = sites.pattern, sites.grid, sites.grid.period
-        steps = Block.of(pattern).steps
+        self.frame, self.period, self.steps = grid.frame, period, Block.of(pattern).steps
         axes = list[tuple[int, int, int]]()
         for axis, whole in enumerate((grid.whole_rows, grid.whole_columns)):
             # pixels of a superpixel before its block
-            before = (period - grid.block_shape[axis] + (steps[axis] < 0)) // 2
+            before = (period - grid.block_shape[axis] + (self.steps[axis] < 0)) // 2
             start = -((before - pattern.block_origin[axis]) % period)
             count = -(-(grid.frame[axis] - start) // period)
             axes.append((start, count, (int(whole[0]) - before - start) // period))
-        origin, shape, blocks = ((down, across) for down, across in zip(*axes, strict=True))
-        places = [np.multiply(site[:2], steps).tolist() for site in pattern.sites]
-        order = sorted(range(len(places)), key=places.__getitem__)
-        channels = [pattern.channels.index(letter) for letter in "RGB"]
-        return cls(grid.frame, period, origin, shape, blocks, steps, channels, order)
+        self.origin, self.shape, self.blocks = zip(*axes, strict=True)
+        places = [np.multiply(site[:2], self.steps).tolist() for site in pattern.sites]
+        self.sites = sorted(range(len(places)), key=places.__getitem__)
+        self.channels = [pattern.channels.index(letter) for letter in "RGB"]
 
     def cut(
-        self,
-        band: Band,
-        gamma: FloatArray,
-        rows: Span,
-        columns: Span,
-        weights: FloatArray = WEIGHTS,
+        self, band: Band, gamma: FloatArray, window: Sequence[Span], weights: FloatArray = WEIGHTS
     ) -> FloatArray:
         """Return three weighted sums of R, G and B, times gamma, of some superpixels, mirrored as
         the network knows them.
@@ -373,21 +347,21 @@ class Superpixels:
 
         Parameters
         ----------
-        weights : FloatArray, optional
-            (3, 3).
         band : Band
             All rows of the frame that the superpixels show.
+        window : Sequence[Span]
+            Rows and columns of superpixels.
+        weights : FloatArray, optional
+            (3, 3).
         """
-        down, across = (
-            mirrored(self.pixels(axis, span), self.frame[axis])
-            for axis, span in enumerate((rows, columns))
-        )
+        rows, columns = window
+        down = mirrored(self.pixels(0, rows), self.frame[0])
+        across = mirrored(self.pixels(1, columns), self.frame[1])
         down = down.clip(band.first, band.end - 1) - band.first
         of_channels = np.empty_like(weights)
         of_channels[:, self.channels] = weights * gamma[self.channels]
-        picture = np.empty(
-            (3, self.period**2, rows[1] - rows[0], columns[1] - columns[0]), np.float32
-        )
+        shape = 3, self.period**2, rows[1] - rows[0], columns[1] - columns[0]
+        picture = np.empty(shape, np.float32)
         cut_superpixels(band.luminance, band.chromaticity, of_channels, down, across, picture)
         return picture
 
@@ -531,12 +505,9 @@ class Residuals:
 
         Float32 (S, h, w) and (h, w): 0 and UNKNOWN in superpixels without a whole block.
         """
-        places = [
-            (np.arange(*span) - first).clip(0, size - 1)
-            for span, first, size in zip(
-                (rows, columns), self._first, self._values.shape[:2], strict=True
-            )
-        ]
-        values = self._values[np.ix_(*places)].transpose(2, 0, 1)
+        (height, width, _), (top, left) = self._values.shape, self._first
+        down = (np.arange(*rows) - top).clip(0, height - 1)
+        across = (np.arange(*columns) - left).clip(0, width - 1)
+        values = self._values[np.ix_(down, across)].transpose(2, 0, 1)
         planes = np.ascontiguousarray(self._grid.turned(values))
         return planes[:-2], planes[-2], planes[-1]

@@ -255,14 +255,11 @@ class SiteResidual(RowStage):
         residual = np.zeros(picture.luminance.shape, np.float32)
         for channel, (down, across) in zip(sites.channels, sites.places, strict=True):
             # rows of blocks
-            first, end = (
-                min(max(-(-(row - down.start) // down.step), 0), sites.shape[0]) for row in rows
-            )
+            before = [-(-(row - down.start) // down.step) for row in rows]
+            first, end = np.clip(before, 0, sites.shape[0]).tolist()
             place = slice(down.start + first * down.step - rows[0], None, down.step), across
-            colour = (
-                picture.chromaticity[place][: end - first, :, channel]
-                * picture.luminance[place][: end - first]
-            )
+            lit = picture.luminance[place][: end - first]
+            colour = picture.chromaticity[place][: end - first, :, channel] * lit
             error = (frame.signal[down, across][first:end] - colour) * frame.gamma32[channel]
             residual[place][: end - first] = error * frame.unclipped[first:end]
         return replace(picture, residual=residual)
@@ -288,10 +285,8 @@ class Correction(RowStage):
         if blocks.start >= blocks.stop:
             return band.rows(*rows)
         places = sites.at(blocks, band.first)
-        colours = [
-            band.chromaticity[place][..., channel] * gamma[channel]
-            for place, channel in zip(places, sites.channels, strict=True)
-        ]
+        sited = zip(places, sites.channels, strict=True)
+        colours = [band.chromaticity[at][..., channel] * gamma[channel] for at, channel in sited]
         error, weight = sites.residual(band, blocks), np.stack(colours, axis=2)
         along = None  # what a unit of luminance adds to each channel, on the lines of blocks
         if frame.lines.size:

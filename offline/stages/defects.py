@@ -138,43 +138,35 @@ def find_outliers(frame: Frame, settings: DefectsSettings, bad: BoolArray) -> Bo
     outliers = np.zeros_like(bad)
 
     def work(rows: slice) -> None:
-        outliers[rows] = _Strip.of(frame, settings, bad, rows).outliers()
+        outliers[rows] = _Strip(frame, settings, bad, rows).outliers()
 
     in_strips(work, len(bad), _ROWS)
     return outliers
 
 
-@dataclass(frozen=True, eq=False)
 class _Strip:
     """Some rows of a frame, in a halo from which every window of 5 x 5 pixels, and the next period,
-    can be seen.
+    can be seen. bad: bool (H, W).
 
     luminance: float32 (halo + rows + halo, halo + W + halo); where coloured, its lower bound. NaN =
     bad, or outside the frame. coloured: bool, as `luminance`.
     """
 
-    frame: Frame
-    settings: DefectsSettings
-    luminance: FloatArray
-    coloured: BoolArray
-    halo: int
-
-    @classmethod
-    def of(cls, frame: Frame, settings: DefectsSettings, bad: BoolArray, rows: slice) -> "_Strip":
-        """Rows of a frame. bad: bool (H, W)."""
+    def __init__(
+        self, frame: Frame, settings: DefectsSettings, bad: BoolArray, rows: slice
+    ) -> None:
         (height, width), halo = bad.shape, max(frame.pattern.period, 2) + 1
         first = rows.start - halo
         within = slice(max(rows.start - halo, 0), min(rows.stop + halo, height))
-        filters = frame.pattern.filter_map(
-            (rows.stop + halo - first, width + 2 * halo), (first, -halo)
-        )
+        shape = rows.stop + halo - first, width + 2 * halo
+        filters = frame.pattern.filter_map(shape, (first, -halo))
         place = np.s_[within.start - first : within.stop - first, halo : halo + width]
         luminance = np.full(filters.shape, np.nan, np.float32)
         gains = np.append(frame.gamma, 1).astype(np.float32)
-        np.multiply(
-            frame.signal[within], gains[filters[place]], out=luminance[place], where=~bad[within]
-        )
-        return cls(frame, settings, luminance, filters < len(frame.gamma), halo)
+        signal, good = frame.signal[within], ~bad[within]
+        np.multiply(signal, gains[filters[place]], out=luminance[place], where=good)
+        self.frame, self.settings, self.halo = frame, settings, halo
+        self.luminance, self.coloured = luminance, filters < len(frame.gamma)
 
     def outliers(self) -> BoolArray:
         """The outliers among its rows, bool (rows, W)."""
@@ -203,19 +195,15 @@ class _Strip:
         row, column = row + self.halo, column + self.halo
         value = self.luminance[row, column]
         floor = np.float32(self.settings.floor * self.frame.level)
-        near, wide = (
-            _sorted(self.around(row, column, reach), self.around(row, column, reach, self.coloured))
-            for reach in (1, 2)
-        )
+        near, wide = self.neighbours(row, column, 1), self.neighbours(row, column, 2)
         low = near[:, 0]
         high = np.fmax.reduce(near, axis=1)
         count = np.count_nonzero(~np.isnan(near), axis=1)
         second = wide[np.arange(len(wide)), np.count_nonzero(~np.isnan(wide), axis=1) - 2]
         allowed = self.settings.contrast * (second - wide[:, 1]) + self.noise(high) + floor
         outlier = (count >= _FEWEST) & (np.maximum(value - high, low - value) > allowed)
-        row, column, value, low, high = (
-            given[outlier] for given in (row, column, value, low, high)
-        )
+        given = row, column, value, low, high
+        row, column, value, low, high = (values[outlier] for values in given)
         # The usual brightness of the colour sites beside a sample is their mean one period above,
         # below, left and right.
         period, black = self.frame.pattern.period, floor * np.float32(_CHANNEL)
@@ -224,23 +212,31 @@ class _Strip:
         usual = _mean(repeats, 0).clip(0) + black
         are_sites = self.around(row, column, 1, self.coloured)
         sites = np.where(are_sites, self.around(row, column, 1), np.float32(np.nan))
-        darker, brighter = (
-            ((sites + noise[:, None]).clip(0) + black) / usual
-            for noise in (self.noise(high), -self.noise(high))
-        )
+        noise = self.noise(high)[:, None]
+        darker, brighter = (((sites + step).clip(0) + black) / usual for step in (noise, -noise))
         low = low * np.fmin(np.fmin.reduce(darker, axis=1), 1)
         high = high * np.fmax(np.fmax.reduce(brighter, axis=1), 1)
         outlier[outlier] = np.maximum(value - high, low - value) > allowed[outlier]
         return outlier
+
+    def neighbours(self, row: IndexArray, column: IndexArray, reach: int) -> FloatArray:
+        """The neighbours in the squares around N places, (N, pixels), sorted, NaN at the end:
+        samples, and lower bounds that exceed all of these.
+        """
+        luminance = self.around(row, column, reach)
+        coloured = self.around(row, column, reach, self.coloured)
+        luminance[:, luminance.shape[1] // 2] = np.nan
+        highest = np.fmax.reduce(np.where(coloured, np.float32(-np.inf), luminance), axis=1)
+        within = coloured & ~(luminance > highest[:, None])
+        return np.sort(np.where(within, np.float32(np.nan), luminance), axis=1)
 
     def around(
         self, row: IndexArray, column: IndexArray, reach: int, plane: NDArray[Any] | None = None
     ) -> NDArray[Any]:
         """The squares of a plane, luminance by default, around N places, (N, pixels)."""
         side = 2 * reach + 1
-        windows = sliding_window_view(self.luminance if plane is None else plane, (side, side))[
-            row - reach, column - reach
-        ]
+        windows = sliding_window_view(self.luminance if plane is None else plane, (side, side))
+        windows = windows[row - reach, column - reach]
         return windows.reshape(len(windows), side**2)
 
 
@@ -258,23 +254,11 @@ def _of_neighbours(wide: FloatArray, larger: np.ufunc) -> FloatArray:
     return larger(larger(tall[:, :-2], tall[:, 2:]), ends[:, 1:-1])
 
 
-def _sorted(luminance: FloatArray, coloured: BoolArray) -> FloatArray:
-    """Sort the neighbours in each window, (N, pixels), NaN at the end: samples, and lower bounds
-    that exceed all of these.
-    """
-    luminance[:, luminance.shape[1] // 2] = np.nan
-    highest = np.fmax.reduce(np.where(coloured, np.float32(-np.inf), luminance), axis=1)
-    return np.sort(
-        np.where(coloured & ~(luminance > highest[:, None]), np.float32(np.nan), luminance), axis=1
-    )
-
-
 def _mean(values: FloatArray, axis: int | tuple[int, int]) -> FloatArray:
     """Mean of what is not NaN; NaN where nothing is."""
     count = np.count_nonzero(~np.isnan(values), axis=axis)
-    return np.where(
-        count > 0, np.nansum(values, axis=axis) / np.maximum(count, 1), np.float32(np.nan)
-    )
+    mean = np.nansum(values, axis=axis) / np.maximum(count, 1)
+    return np.where(count > 0, mean, np.float32(np.nan))
 
 
 def predicted(frame: Frame, bad: BoolArray, places: tuple[IndexArray, IndexArray]) -> FloatArray:
@@ -348,15 +332,13 @@ def _find_in_blocks(frame: Frame, bad: BoolArray, settings: DefectsSettings) -> 
     # blocks.
     excess = share * (frame.samples[odd] - _median(frame, near) * filled)
     block, site = np.arange(len(surplus)), np.argmax(excess * np.sign(surplus)[:, None], axis=1)
-    ratio = frame.samples[rows, columns, site] / np.maximum(
-        filled[block, site], _LEAST_LUMINANCE * frame.level
-    )
+    least = _LEAST_LUMINANCE * frame.level
+    ratio = frame.samples[rows, columns, site] / np.maximum(filled[block, site], least)
     near, excess = near[:, block, site], excess[block, site]
     low, high = np.fmin.reduce(near), np.fmax.reduce(near)
     certain = np.maximum(ratio - high, low - ratio) > high - low
-    certain &= (np.abs(surplus - excess) < np.abs(surplus) / 2) & (
-        np.count_nonzero(~np.isnan(near), axis=0) >= _FEWEST
-    )
+    certain &= np.abs(surplus - excess) < np.abs(surplus) / 2
+    certain &= np.count_nonzero(~np.isnan(near), axis=0) >= _FEWEST
     bad[rows[certain], columns[certain], site[certain]] = True
 
 
@@ -406,9 +388,8 @@ def _predicted_in_blocks(frame: Frame, bad: BoolArray) -> FloatArray:
     contrast = (frame.around.highest - frame.around.lowest)[rows, columns] / gamma[channel]
     trust = (spread**2 + least**2) / (spread**2 + contrast**2 + 2 * least**2)
     around = np.where((measured | ~others).all(axis=1), around + trust * (left - around), around)
-    return np.where(measured[number, channel], ratio[number, channel] * here, around).astype(
-        np.float32
-    )
+    values = np.where(measured[number, channel], ratio[number, channel] * here, around)
+    return values.astype(np.float32)
 
 
 def _ratios_around(

@@ -31,10 +31,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ...shared.arrays import DoubleArray, FloatArray, IndexArray
+from ...shared.arrays import DoubleArray, FloatArray, IndexArray, Pair
 from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
-from ..numerics.arrays import Area, Bools2, Floats1, Floats2, Floats3, Ints1, Pair, Single
+from ..numerics.arrays import Area, Bools2, Floats1, Floats2, Floats3, Ints1, Single
 from ..numerics.chunks import chunk_count
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.functions import chunk_at, mirrored, zeros

@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...shared.arrays import BORDER, BoolArray, FloatArray, IndexArray
+from ...shared.arrays import BORDER, BoolArray, FloatArray, IndexArray, Pair
 from ...shared.mosaic import Mosaic
 from ...shared.pattern import CfaPattern
 from ...shared.progress import SILENT, Progress
@@ -43,7 +43,6 @@ from ..numerics.arrays import (
     Floats4,
     Ints1,
     Ints2,
-    Pair,
     Scalar,
     Single,
 )
@@ -127,10 +126,9 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
     elif brightest > _WHITE:
         first = max(first, (brightest - 1) / 2)
     thresholds = (first * settings.decay ** np.arange(settings.iterations)).astype(np.float32)
-    holes = _holes(pattern, (pattern.period, signal.shape[1]))
-    start = (
-        _around(signal, holes) if settings.relative or len(pattern.sites) > _BAYER_SITES else signal
-    )
+    holes = ~pattern.panchromatic_mask((pattern.period, signal.shape[1]))
+    averaged = settings.relative or len(pattern.sites) > _BAYER_SITES
+    start = _around(signal, holes) if averaged else signal
     rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) and len(columns):
         progress.stage("reconstructing luminance", -(-len(rows) // _ROWS))
@@ -185,10 +183,6 @@ def _around(signal: FloatArray, holes: BoolArray) -> FloatArray:
     return start
 
 
-def _holes(pattern: CfaPattern, shape: Pair, first: Pair = (0, 0)) -> BoolArray:
-    return pattern.filter_map(shape, first) < len(pattern.channels)
-
-
 def _isolated(pattern: CfaPattern, shape: tuple[int, int], axis: int) -> IndexArray:
     """First rows (axis 0) or columns (axis 1) of the isolated blocks: no other block and no frame
     edge within `REACH` pixels.
@@ -218,7 +212,7 @@ def _fill_isolated(
     edges = [np.s_[: rows[0], :], np.s_[below:, :], np.s_[:, : columns[0]], np.s_[:, right:]]
     margins = []
     for corner, edge in zip(corners, edges, strict=True):
-        cut, holes = start[edge], _holes(pattern, start[edge].shape, corner)
+        cut, holes = start[edge], ~pattern.panchromatic_mask(start[edge].shape, corner)
         if len(cut) > cut.shape[1]:  # rows are long, for speed
             margins.append(fill(cut.T, holes.T, thresholds).T)
         else:

@@ -51,9 +51,8 @@ def correct_fill(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
     if pattern.block_shape != (2, 2) or count not in PATHS or pattern.period < _LEAST_PERIOD:
         return luminance
     network, sites, steps = load_network(PATHS[count]), Sites.in_frame(mosaic), mirrors(pattern)
-    order = [
-        2 * (row ^ (steps[0] < 0)) + (column ^ (steps[1] < 0)) for row, column, _ in pattern.sites
-    ]
+    turned = steps[0] < 0, steps[1] < 0
+    order = [2 * (row ^ turned[0]) + (column ^ turned[1]) for row, column, _ in pattern.sites]
     grid = sites.grid
     first_rows, columns = grid.whole_rows, grid.whole_columns
     off = np.zeros((len(first_rows), len(columns), count), np.float32)
@@ -64,9 +63,8 @@ def correct_fill(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
         # be one more in memory.
         down = mirrored(np.arange(rows[0] - REACH, rows[-1] + 2 + REACH), mosaic.shape[0])
         across = mirrored(np.arange(-REACH, mosaic.shape[1] + REACH), mosaic.shape[1])
-        asked, inputs, units = network_inputs(
-            luminance[np.ix_(down, across)], (rows - rows[0], columns), noise, steps
-        )
+        seen, blocks = np.ix_(down, across), (rows - rows[0], columns)
+        asked, inputs, units = network_inputs(luminance[seen], blocks, noise, steps)
         (found,) = network.run(None, {"seen": inputs})
         off[chunk * _CHUNK :][: len(rows)].reshape(-1, count)[asked] = (found * units)[:, order]
 

@@ -90,9 +90,8 @@ def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:
         slope = np.diff(variances) / np.diff(levels)
         intercept = np.maximum(variances[0] - slope * levels[0], 0)
     planes = len(mosaics[0].pattern.planes)
-    return NoiseModel(
-        (float(np.median(slope)),) * planes, (float(np.median(intercept)) ** 0.5,) * planes
-    )
+    shot, read = float(np.median(slope)), float(np.median(intercept)) ** 0.5
+    return NoiseModel((shot,) * planes, (read,) * planes)
 
 
 def _fitted(mosaic: Mosaic) -> tuple[float, float, float, float] | None:
@@ -140,9 +139,8 @@ def _windows(signal: FloatArray, clear: BoolArray, limit: float) -> Iterator[Flo
         for window in range(0, count * (width > 0), max(1, count * _LINES // _MOST_LINES)):
             lines = plane[rows[window * _LINES : (window + 1) * _LINES]]
             high = sum(tap * lines[:, start : start + width] for start, tap in enumerate(_FILTER))
-            level, high = (
-                plane.reshape(_LINES, -1, _LENGTH) for plane in (lines[:, 2 : 2 + width], high)
-            )
+            planes = lines[:, 2 : 2 + width], high
+            level, high = (plane.reshape(_LINES, -1, _LENGTH) for plane in planes)
             mean, variance = level.mean(axis=(0, 2)), np.square(high).mean(axis=(0, 2))
             shown = (level.max(axis=(0, 2)) < limit) & ((mean > 0) | (variance > 0))
             yield np.stack([mean, variance])[:, shown]

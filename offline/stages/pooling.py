@@ -142,11 +142,7 @@ def pool_blocks(
 
 
 def pooled_in_passes(
-    blocks: FloatArray,
-    frame: Frame,
-    settings: PoolingSettings,
-    error: float,
-    progress: Progress = SILENT,
+    blocks: FloatArray, frame: Frame, settings: PoolingSettings, error: float, progress: Progress
 ) -> list[FloatArray]:
     """c_j of the whole blocks after each pass, float32 (rows, columns, C); those of `blocks` where
     there is no noise. Parameters as for `pool_blocks`; `error` of filled luminance as for
@@ -167,9 +163,8 @@ def pooled_in_passes(
         sums += np.moveaxis(added, 2, 0)
     expected = _solved(smoothed(sums, _EXPECTED), frame)
     unsure = np.float32(_UNSURE) * np.sqrt(noise.variance(filled))
-    brightness = np.log(filled.clip(_LEAST_LUMINANCE * frame.level) + unsure) / np.float32(
-        2**0.5 * settings.light
-    )
+    brightness = np.log(filled.clip(_LEAST_LUMINANCE * frame.level) + unsure)
+    brightness /= np.float32(2**0.5 * settings.light)
     surer = sites.pattern.site_counts.astype(np.float32)[:, None, None]
     surer = (surer / surer.mean()) ** np.float32(_SURER)
     variance, apart = chromaticity_variance(sums), 1 / (_APART * grey)

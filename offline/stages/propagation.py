@@ -61,9 +61,8 @@ class Propagation(RowStage):
     def halo(self) -> Halo:
         """No rows around, but whole rows of chunks (`patches`)."""
         grid = self.frame.grid
-        return Halo(
-            alignment=chunk_patches(grid.period)[0] * grid.period, offset=-grid.padding[0][0]
-        )
+        rows = chunk_patches(grid.period)[0] * grid.period
+        return Halo(alignment=rows, offset=-grid.padding[0][0])
 
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows, with a chromaticity that does not depend on the band's.

@@ -19,10 +19,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ...shared.arrays import mirrored
+from ...shared.arrays import Pair, mirrored
 from ..bands import Band, Halo, RowStage
 from ..frame import Frame
-from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1, Pair
+from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1
 from ..numerics.chunks import chunk_count
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.functions import LEAST_EXPONENT, chunk_at, exponential, unset, zeros
@@ -86,11 +86,9 @@ class Refinement(RowStage):
         # A window of (K + 1) x (K + 1) for even K.
         blur, radius = gaussian(settings.blur * period), period // 2
         margin = (settings.repetitions + 1) * radius + len(blur) // 2
-        spans = rows, (0, luminance.shape[1])
-        down, across = (
-            mirrored(np.arange(first - margin, end + margin), size)
-            for (first, end), size in zip(spans, luminance.shape, strict=True)
-        )
+        height, columns = luminance.shape
+        down = mirrored(np.arange(rows[0] - margin, rows[1] + margin), height)
+        across = mirrored(np.arange(-margin, columns + margin), columns)
         # Beyond the rows of the band, weights alone are needed.
         at = (down - band.first).clip(0, len(band.chromaticity) - 1)
         initial = np.ascontiguousarray(band.chromaticity)

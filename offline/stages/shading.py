@@ -23,6 +23,5 @@ class ShadingCorrection(RowStage):
     def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
         """These rows as without shading."""
         shown = band.rows(*rows)
-        return replace(
-            shown, luminance=shown.luminance * self.shading.of_plane(self.shape, -1, slice(*rows))
-        )
+        gain = self.shading.of_plane(self.shape, -1, slice(*rows))
+        return replace(shown, luminance=shown.luminance * gain)

@@ -18,6 +18,7 @@ from panchroma.offline.stages.denoising import denoise_luminance
 from panchroma.offline.stages.luminance import recover_luminance
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import DoubleArray, FloatArray
+from panchroma.shared.progress import SILENT
 from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
 from tests.offline.scenes import photographed, sampled
 from tests.scenes import leaves
@@ -61,7 +62,7 @@ def error(blocks: FloatArray, frame: Frame, rgb: FloatArray) -> float:
 
 
 def learned(frame: Frame) -> tuple[FloatArray, FloatArray]:
-    return block_network.learned_chromaticities(frame, BEST.chromaticity, BEST.pooling)
+    return block_network.learned_chromaticities(frame, BEST.chromaticity, BEST.pooling, SILENT)
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.03])

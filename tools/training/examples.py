@@ -195,7 +195,7 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> lis
     settings = replace(BEST, learned=replace(BEST.learned, used=False))
     measured = measure(mosaic, settings)
     corrected = Band.joined(list(run_row_stages(measured, settings)))
-    grid = Superpixels.of(measured.sites)
+    grid = Superpixels(measured.sites)
     # superpixels that lie wholly inside the frame
     rows, columns = ((1, count - 1) for count in grid.shape)
     error, variance, _ = Residuals(grid, corrected, measured).of(rows, columns)
@@ -208,7 +208,7 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> lis
 def _picture(grid: Superpixels, band: Band, rows: Span, columns: Span) -> FloatArray:
     """Return R, G and B of the pixels of some superpixels, (3, h K, w K)."""
     weights = np.eye(3, dtype=np.float32)
-    pixels = grid.cut(band, np.ones(3, np.float32), rows, columns, weights=weights)
+    pixels = grid.cut(band, np.ones(3, np.float32), (rows, columns), weights)
     down, across = pixels.shape[2:]
     parted = pixels.reshape(3, grid.period, grid.period, down, across)
     return parted.transpose(0, 3, 1, 4, 2).reshape(3, down * grid.period, -1)
