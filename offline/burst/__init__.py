@@ -208,9 +208,8 @@ def burst_memory(frames: int, mosaic: Mosaic, settings: RenderSettings = BEST) -
     True
     """
     pixels, pattern = mosaic.shape[0] * mosaic.shape[1], mosaic.pattern
-    frame = _FRAME + (
-        _SAMPLE * len(pattern.sites) / pattern.period**2 if pattern.is_scattered else 0
-    )
+    sites = len(pattern.sites) if pattern.is_scattered else 0
+    frame = _FRAME + _SAMPLE * sites / pattern.period**2
     return round(frame * frames * pixels + max(_REST * pixels, rendering_memory(mosaic, settings)))
 
 

@@ -124,13 +124,10 @@ def shaded_alike(frame: View, shot: Mosaic, reference: Mosaic, motion: Motion) -
     for rows in strips(len(ratio)):
         places = in_reference(motion, *_pixels(rows, shot), shot.shape)
         ratio[rows] /= map_coordinates(gain, places, order=1, mode="nearest")
-    return View(
-        frame.luminance * ratio,
-        frame.noise.in_units_of(1 / float(ratio.mean())),
-        frame.limit * min(float(ratio.min()), 1.0),
-        frame.colours * Sites.in_frame(shot).of(ratio),
-        frame.colour_gains,
-    )
+    luminance, noise = frame.luminance * ratio, frame.noise.in_units_of(1 / float(ratio.mean()))
+    limit = frame.limit * min(float(ratio.min()), 1.0)
+    colours = frame.colours * Sites.in_frame(shot).of(ratio)
+    return View(luminance, noise, limit, colours, frame.colour_gains)
 
 
 @np.errstate(under="ignore")  # whatever the caller's program asks for

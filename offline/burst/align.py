@@ -43,11 +43,8 @@ _COPY = 128  # pixels: longer side of the smallest copies
 _FARTHEST = 0.2  # fraction of a side: the largest shift that is looked for
 _TEXTURE_WIDTH = 4.0  # pixels: standard deviation of the neighbourhood in which texture is measured
 # of the variance of noise, in texture
-_KEPT = (
-    1
-    - 4 * _BLUR**2 / (2 * _BLUR**2 + _TEXTURE_WIDTH**2)
-    + _BLUR**2 / (_BLUR**2 + _TEXTURE_WIDTH**2)
-)
+_WIDE = _TEXTURE_WIDTH**2
+_KEPT = 1 - 4 * _BLUR**2 / (2 * _BLUR**2 + _WIDE) + _BLUR**2 / (_BLUR**2 + _WIDE)
 # squared differences that show that something moves: a share of texture, and times their median
 _MOVED, _USUAL = 0.3, 4.0
 _ROUNDS = 2  # on each copy, each without what the one before has seen moving
@@ -178,10 +175,9 @@ def align(reference: View, frame: View) -> Alignment | str:
         shifted = _fit(copies[-1], replace(best.motion, local=local))
         best = shifted if shifted.agreement > best.agreement else best
     if best.agreement < _LEAST_AGREEMENT:
-        return (
-            f"another scene, or too little texture: {100 * best.agreement:.0f} % of the picture "
-            f"agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} % must"
-        )
+        share = f"{100 * best.agreement:.0f} % of the picture agrees with the reference"
+        least = f"at least {100 * _LEAST_AGREEMENT:.0f} % must"
+        return f"another scene, or too little texture: {share}, {least}"
     return Alignment(best.motion.times(scale), gain * best.gain, best.error * scale, best.agreement)
 
 
@@ -259,9 +255,8 @@ def _shift(copy: _Copy) -> tuple[float, float]:
     """
     own, other = (_texture(plane) for plane in (copy.reference, copy.frame))
     down, across = (round(_FARTHEST * size) for size in own.shape)
-    likeness = cv2.matchTemplate(
-        other, own[down : len(own) - down, across : own.shape[1] - across], cv2.TM_CCOEFF_NORMED
-    )
+    middle = own[down : len(own) - down, across : own.shape[1] - across]
+    likeness = cv2.matchTemplate(other, middle, cv2.TM_CCOEFF_NORMED)
     row, column = np.unravel_index(np.argmax(likeness), likeness.shape)
     return float(row - down), float(column - across)
 
@@ -273,9 +268,8 @@ def _texture(plane: FloatArray) -> FloatArray:
 def _aligned(copy: _Copy, motion: Motion) -> _Aligned:
     moved = displaced(copy.frame, motion)
     inside = np.isfinite(moved)
-    own, other = (
-        smoothed(np.where(inside, plane, 0), _TEXTURE_WIDTH) for plane in (copy.reference, moved)
-    )
+    shown = (np.where(inside, plane, 0) for plane in (copy.reference, moved))
+    own, other = (smoothed(plane, _TEXTURE_WIDTH) for plane in shown)
     unclipped = inside & (np.fmax(copy.reference, moved) < CLIPPED * copy.limit)
     unclipped = smoothed(unclipped.astype(np.float32), _TEXTURE_WIDTH) > _CLEAR
     lit = unclipped & (own > 0) & (other > 0)
@@ -292,10 +286,8 @@ def _refined(copy: _Copy, motion: Motion) -> Alignment:
     """The shift and rotation, pixels of the copies, by which the roots of their luminance
     correlate most, so that lamps do not decide alone; those given if OpenCV finds no better ones.
     """
-    black = _BLACK * max(float(copy.reference.mean()), TINY)
-    frame, reference = (
-        np.sqrt(plane.clip(0) + np.float32(black)) for plane in (copy.frame, copy.reference)
-    )
+    black = np.float32(_BLACK * max(float(copy.reference.mean()), TINY))
+    frame, reference = (np.sqrt(plane.clip(0) + black) for plane in (copy.frame, copy.reference))
     for _ in range(_ROUNDS):
         same = _aligned(copy, motion).same.astype(np.uint8)
         start = cv2.invertAffineTransform(_matrix(motion, same.shape)).astype(np.float32)
@@ -369,9 +361,8 @@ def _local_shifts(copy: _Copy, motion: Motion) -> FloatArray | None:
         total, *sums = (_around(plane, _STEP)[nodes] for plane in (counts, *(counts * flow)))
         local += np.stack(sums, axis=2) / (total[..., None] + np.float32(1e-3))
         moved = _aligned(copy, replace(motion, local=local)).moved
-    before, after = (
-        np.square(plane - copy.reference) * rigid.inside for plane in (rigid.moved, moved)
-    )
+    apart = (plane - copy.reference for plane in (rigid.moved, moved))
+    before, after = (np.square(difference) * rigid.inside for difference in apart)
     worth = _NOISY * after + _NOTABLE**2 * rigid.inside * steep + TINY
     share = _around(before - after, 2 * _STEP)[nodes] / _around(worth, 2 * _STEP)[nodes]
     if np.median(share) < (_LOST + _WON) / 2:

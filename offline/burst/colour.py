@@ -113,10 +113,8 @@ class ColourSamples:
             values, places = one.frame.colours[used], places[:, used]
             filled = map_coordinates(spline, 2 * places, mode="mirror", prefilter=False)
             gains = np.broadcast_to(one.frame.colour_gains, used.shape)[used]
-            variance, usual = (
-                noise.variance(values, channels, gains)
-                for noise in (one.frame.noise, kept[0].frame.noise)
-            )
+            models = one.frame.noise, kept[0].frame.noise
+            variance, usual = (noise.variance(values, channels, gains) for noise in models)
             weight, kinds = agrees[used] / np.float32(255), channels.astype(np.uint8)
             frames.append((places.T, kinds, values, filled, variance, usual, weight))
         places, channels, values, filled, variance, usual, weight = (
@@ -133,8 +131,8 @@ class ColourSamples:
         change : FloatArray
             (H, W).
         """
-        there = map_coordinates(change, self.places.T, order=1, mode="nearest")
-        return replace(self, filled=(self.filled + there).astype(np.float32, copy=False))
+        filled = self.filled + self._there(change)
+        return replace(self, filled=filled.astype(np.float32, copy=False))
 
     def where_others(self, luminance: FloatArray, noise_ratio: FloatArray) -> "ColourSamples":
         """The samples where the reference is not alone. Where it is, the picture stays that of one
@@ -150,19 +148,19 @@ class ColourSamples:
         noise_ratio : FloatArray
             (H, W), variance of merged luminance relative to the reference's.
         """
-        mean, power = (
-            smoothed(plane, NEIGHBOURHOOD) for plane in (luminance, np.square(luminance))
-        )
+        mean = smoothed(luminance, NEIGHBOURHOOD)
+        power = smoothed(np.square(luminance), NEIGHBOURHOOD)
         contrast = np.sqrt(np.maximum(power - np.square(mean), 0))
         deviation = FILL_ERROR * single_frame_weight(noise_ratio) * contrast
-        there, alone = (
-            map_coordinates(plane, self.places.T, order=1, mode="nearest")
-            for plane in (deviation, noise_ratio)
-        )
+        there, alone = self._there(deviation), self._there(noise_ratio)
         error = self.error + self.variance
         weight = self.weight * error / (error + np.square(there))
         weight[: self.own] *= np.minimum(_ENOUGH * (1 - alone[: self.own]), 1)
         return replace(self, weight=weight.astype(np.float32))
+
+    def _there(self, plane: FloatArray) -> FloatArray:
+        """The values of a plane of the reference, (H, W), at the places of the samples."""
+        return map_coordinates(plane, self.places.T, order=1, mode="nearest")
 
     @property
     def level(self) -> float:
@@ -276,7 +274,7 @@ class Spreading(RowStage):
         extent = Extent(rows[0] - band.first, rows[1] - band.first, HALO, TOLERANCE)
         usual = float(np.median(precision)) if precision.size else 1.0
         prior = Prior(_SMOOTHNESS, max(_FADING * usual, _LEAST_FADING), _EDGE * self.samples.level)
-        fields = fitted(band.luminance, samples, prior, extent, "samples")
+        fields = fitted(band.luminance, samples, prior, extent)
         fields *= beyond_noise(samples, noise)[extent.first : extent.end]
         fields = np.moveaxis(fields, 0, 2)
         divisor = np.where(shown.luminance > DARK, shown.luminance, np.inf)[..., None]
@@ -335,10 +333,8 @@ def beyond_noise(samples: Samples, noise: FloatArray) -> FloatArray:
     reach = len(taps) // 2
     border, inner = ((0, 0), (reach, reach), (reach, reach)), np.s_[:, reach:-reach, reach:-reach]
     # the variance of a sum has the squares of its weights
-    weights, products, left = (
-        filtered(np.pad(planes, border), of)[inner]
-        for planes, of in zip((*samples, noise), (taps, taps, taps**2), strict=True)
-    )
+    sums = zip((*samples, noise), (taps, taps, taps**2), strict=True)
+    weights, products, left = (filtered(np.pad(planes, border), of)[inner] for planes, of in sums)
     weights = weights + np.float32(TINY)
     means = products / weights
     means -= means.mean(axis=0)

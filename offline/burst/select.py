@@ -192,9 +192,8 @@ def compare_frames(
         progress.stage("aligning", len(frames))
         # Samples are mended again: to keep those of all frames takes more memory than anything else
         # here.
-        cleaned = restore_highlights(
-            mend_frame(shots[number], models[number], settings), settings.highlights
-        )
+        cleaned = mend_frame(shots[number], models[number], settings)
+        cleaned = restore_highlights(cleaned, settings.highlights)
         luminance = recover_luminance(cleaned.mosaic, settings.luminance)
         base = replace(frames[number], luminance=luminance)
         compared_with = Reference.of(shots[number], base)
@@ -248,10 +247,9 @@ def judge(
         agreeing = max(share, float(agrees[unclipped].mean()) / 255)
     reason = ""
     if sharpness < _LEAST_SHARPNESS:
-        reason = (
-            f"is out of focus or shaken: {100 * sharpness:.0f} % of the reference's detail, at "
-            f"least {100 * _LEAST_SHARPNESS:.0f} % must be there"
-        )
+        detail = f"{100 * sharpness:.0f} % of the reference's detail"
+        least = f"at least {100 * _LEAST_SHARPNESS:.0f} % must be there"
+        reason = f"is out of focus or shaken: {detail}, {least}"
     elif uneven > _UNEVEN:
         reason = f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame"
     elif agreeing < _LEAST_AGREEMENT:
@@ -272,10 +270,8 @@ def misfit(frame: Mosaic, reference: Mosaic) -> str:
         return "has another filter pattern than the reference"
     own, other = frame.calibration, reference.calibration
     if own.channels != other.channels or not np.allclose(own.gamma, other.gamma, rtol=1e-3):
-        return (
-            "was taken with another camera: its channels, or their weights (gamma), are not "
-            "those of the reference"
-        )
+        differ = "its channels, or their weights (gamma), are not those of the reference"
+        return f"was taken with another camera: {differ}"
     return ""
 
 
@@ -348,9 +344,8 @@ def _unevenness(reference: View, frame: View, visible: BoolArray) -> float:
     """Difference of the luminance of a quarter of the windows from what the exposure explains, a
     fraction of it.
     """
-    share, own, other = (
-        _window_means(plane * visible) for plane in (visible, reference.luminance, frame.luminance)
-    )
+    planes = visible, reference.luminance, frame.luminance
+    share, own, other = (_window_means(plane * visible) for plane in planes)
     lit = (share > 0.5) & (own > _LIT * reference.noise.sigma(0) * share) & (other > 0)
     if not lit.any():
         return 0.0

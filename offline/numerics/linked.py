@@ -65,18 +65,18 @@ class Extent(NamedTuple):
     tolerance: float
 
 
-def fitted(
-    luminance: FloatArray, samples: Samples, prior: Prior, extent: Extent, solver: str
-) -> FloatArray:
+def fitted(luminance: FloatArray, samples: Samples, prior: Prior, extent: Extent) -> FloatArray:
     """Fields of some rows of a band of the picture, float32 (F, rows, W).
 
     Parameters
     ----------
     luminance : FloatArray
         (rows, W), of the band.
-    solver : str
-        Its name. Raises ConvergenceError when conjugate gradients do not reach their
-        tolerance.
+
+    Raises
+    ------
+    ConvergenceError
+        When conjugate gradients do not reach their tolerance.
     """
     rows, width = extent.end - extent.first, luminance.shape[1]
     chunks = -(-rows // SIDE) * -(-width // SIDE)
@@ -84,7 +84,7 @@ def fitted(
     residuals, used = np.empty(chunks), np.empty(chunks, np.intp)
     inputs = Samples(*map(np.ascontiguousarray, samples))
     solve_linked(np.ascontiguousarray(luminance), inputs, prior, extent, fields, residuals, used)
-    check_convergence(solver, used, residuals, extent.tolerance)
+    check_convergence("samples", used, residuals, extent.tolerance)
     return fields
 
 

@@ -37,7 +37,7 @@ def test_fields_are_the_minimum_of_the_sum_of_squares(fields: int, shape: tuple[
     weights *= random.uniform(0, 1, weights.shape) < 0.5
     products = weights * random.uniform(-0.5, 0.5, weights.shape)
     plane, *samples = (plane.astype(np.float32) for plane in (luminance, weights, products))
-    found = fitted(plane, Samples(*samples), PRIOR, Extent(0, shape[0], HALO, 1e-5), "")
+    found = fitted(plane, Samples(*samples), PRIOR, Extent(0, shape[0], HALO, 1e-5))
     for weight, product, field in zip(weights, products, found, strict=True):
         matrix = laplacian(luminance) + sparse.diags_array(weight.ravel() + PRIOR.fading)
         exact = spsolve(matrix.tocsc(), product.ravel()).reshape(shape)
