@@ -141,7 +141,7 @@ def test_samples_without_a_limit_are_not_clipped() -> None:
 def test_saturation_below_the_white_level_is_where_samples_pile_up() -> None:
     """In noise, with some brighter hot pixels; and not in what is even or has gaps of codes."""
     ramp = np.broadcast_to(np.linspace(0.05, 1.6, 400)[:, None], (300, 400, 3))
-    mosaic = exposed(ramp)
+    mosaic = exposed(ramp.astype(np.float32))
     noise, scale = mosaic.calibration.noise, mosaic.calibration.scale()[-1]
     hot = np.random.default_rng(1).random(mosaic.shape) < 3e-4
     for end in (4091, 3000):
