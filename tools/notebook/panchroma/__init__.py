@@ -75,21 +75,8 @@ _NAMES = {
     "simulation": ("simulate",),
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names}
-__all__ = [
-    "Calibration",
-    "Comparison",
-    "Image",
-    "Picture",
-    "Shot",
-    "burst",
-    "calibrate",
-    "compare",
-    "open",
-    "preview",
-    "render",
-    "simulate",
-    "to_srgb",
-]
+__all__ = ["Calibration", "Comparison", "Image", "Picture", "Shot"]
+__all__ += ["burst", "calibrate", "compare", "open", "preview", "render", "simulate", "to_srgb"]
 
 
 if not TYPE_CHECKING:  # which then refuses names that there are not

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from .pictures import checked_flag
-from .shared import Camera, read_dng
+from .shared import Camera
 from .shared.errors import InputError
 from .shared.reading import MAX_PIXELS, File, file_name
 from .shared.writing import write_durably
-from .shots import Shot, Shots, named_shots
+from .shots import Shot, Shots, named_shots, reader
 from .tools.batch.console import Console
 from .tools.batch.in_memory import note_once
 from .tools.batch.jobs import output_folder, refuse_existing
@@ -186,19 +186,9 @@ def calibrate(
     files, searches = sort_files(requested | shots_by_light(by_light, old))
     for search in searches:
         console.note(*search.left_out)
+    known, read = (chart, place, sensor, old), reader(held, max_pixels)
     try:
-        result = calibrated(
-            console,
-            files,
-            chart,
-            place,
-            sensor,
-            old,
-            output=file_name(update or ""),
-            read=lambda name: (
-                held[name].mosaic if name in held else read_dng(name, max_pixels=max_pixels)
-            ),
-        )
+        result = calibrated(console, files, *known, output=file_name(update or ""), read=read)
     except NoCameraError as error:
         raise InputError("; ".join((str(error), *console.errors))) from None
     if result.camera is None:

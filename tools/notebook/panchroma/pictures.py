@@ -166,10 +166,9 @@ class Picture:
         if not 0 < self.white < np.inf:
             raise InputError(f"`white` is {self.white}, expected a number above 0")
         if self.lost is not None and (self.lost.shape != self.shape or self.lost.dtype != np.uint8):
-            raise InputError(
-                f"`lost` is {self.lost.dtype} {self.lost.shape}, expected uint8 {self.shape}, as "
-                "the picture; cut it as the picture, or leave it out (lost=None)"
-            )
+            found = f"`lost` is {self.lost.dtype} {self.lost.shape}, expected uint8 {self.shape}"
+            remedy = "cut it as the picture, or leave it out (lost=None)"
+            raise InputError(f"{found}, as the picture; {remedy}")
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -4,7 +4,7 @@ full-quality one.
 
 from __future__ import annotations  # help() then shows them as they are written here
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from os import PathLike
@@ -12,16 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from .pictures import Image, Picture, checked_flag
-from .shared import (
-    CaptureMetadata,
-    CfaPattern,
-    Mosaic,
-    SensorCalibration,
-    read_camera,
-    read_dng,
-    write_dng,
-)
+from .shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_camera
 from .shared.arrays import FloatArray
+from .shared.dng import read_dng, write_dng
 from .shared.errors import InputError
 from .shared.figures import whole
 from .shared.reading import MAX_PIXELS, File, file_name, is_file
@@ -328,17 +321,10 @@ def burst(
         index = whole("`reference`", reference)
         if not 0 <= index < len(names):
             raise InputError(f"`reference` is {reference}, expected 0 to {len(names) - 1}")
-    rgb, subject = merged_picture(
-        names,
-        StageProgress(note=note_once),
-        lambda name: held[name].mosaic if name in held else read_dng(name, max_pixels=max_pixels),
-        max_memory,
-        preset=settings,
-        white=white,
-        camera=read_camera(camera) if camera is not None else None,
-        reference=index,
-        shifts=places,
-    )
+    chosen = {"preset": settings, "white": white, "reference": index, "shifts": places}
+    chosen["camera"] = read_camera(camera) if camera is not None else None
+    progress, read = StageProgress(note=note_once), reader(held, max_pixels)
+    rgb, subject = merged_picture(names, progress, read, max_memory, **chosen)
     facts = subject.facts()
     shown = held.get(facts["reference"])
     return _picture(rgb, subject.mosaic, settings, shown, lost=subject.lost, facts=facts)
@@ -384,6 +370,11 @@ def named_shots(shots: Shots, argument: str) -> tuple[list[str], dict[str, Shot]
             names.append(f"{argument}[{number}]")
             held[names[-1]] = as_shot(shot)
     return names, held
+
+
+def reader(held: Mapping[str, Shot], max_pixels: int) -> Callable[[str], Mosaic]:
+    """Return what gives a shot by its name: that in memory, or else that in the file."""
+    return lambda name: held[name].mosaic if name in held else read_dng(name, max_pixels=max_pixels)
 
 
 def as_shot(shot: Shot | File) -> Shot:

@@ -22,12 +22,7 @@ from .tools.simulation.lens import Lens
 from .tools.simulation.load import load_scene, named_file
 from .tools.simulation.pattern_text import camera_and_pattern
 from .tools.simulation.protocols import chosen_protocol
-from .tools.simulation.simulated_camera import (
-    Exposed,
-    SimulatedBurst,
-    SimulatedCamera,
-    burst_frames,
-)
+from .tools.simulation.simulated_camera import SimulatedBurst, SimulatedCamera, burst_frames
 
 
 class _Options(TypedDict, total=False):
@@ -158,10 +153,8 @@ def simulate(
     try:
         source = np.random.default_rng(rng)
     except (TypeError, ValueError) as error:
-        raise InputError(
-            f"`rng` is {rng!r}, expected a seed of 0 or more, a NumPy generator or seed sequence, "
-            "or None"
-        ) from error
+        expected = "a seed of 0 or more, a NumPy generator or seed sequence, or None"
+        raise InputError(f"`rng` is {rng!r}, expected {expected}") from error
     series, lens = SimulatedBurst.of(burst, motion, bracket), Lens.of(shading)
     measured, tile = camera_and_pattern(camera, pattern, channels, origin)
     if measured:
@@ -169,19 +162,12 @@ def simulate(
     photographed = _scene(scene, tile.channels, bands, linear, max_pixels)
     simulated = SimulatedCamera(tile, measured, protocol, bits=sensor_bits, lens=lens)
     peak = scene.white if isinstance(scene, Picture) else 1.0
-    frames = burst_frames(photographed.rgb, series, source, reduce)
-    shots = [
-        _shot(simulated.shoot(photographed, source, frame), photographed.name, peak)
-        for frame in frames
-    ]
+    shots = []
+    for frame in burst_frames(photographed.rgb, series, source, reduce):
+        mosaic, seen, white, notes = simulated.shoot(photographed, source, frame)
+        truth = Picture(seen, mosaic.calibration, mosaic.metadata, white * peak)
+        shots.append(with_notes_shown(Shot(mosaic, truth, photographed.name, notes)))
     return shots[0] if burst is None else shots
-
-
-def _shot(exposed: Exposed, name: str, peak: float) -> Shot:
-    """The shot of a scene whose white is `peak`, with its truth."""
-    mosaic = exposed.mosaic
-    truth = Picture(exposed.truth, mosaic.calibration, mosaic.metadata, exposed.white * peak)
-    return with_notes_shown(Shot(mosaic, truth, name, exposed.notes))
 
 
 def _scene(source: Any, requested: str, bands: str | None, linear: bool, max_pixels: int) -> Scene:
