@@ -34,15 +34,11 @@ from ..io.development import Development
 from ..io.display import ColourTransform
 from ..io.kind import PictureKind, write_picture
 from ..io.scene import Scene
+from ..simulation import simulated_camera
 from ..simulation.bayer import sample_bayer
 from ..simulation.drawn.builtin import builtin_scene
 from ..simulation.protocols import PaperProtocol
-from ..simulation.simulated_camera import (
-    SimulatedBurst,
-    SimulatedCamera,
-    SimulatedFrame,
-    burst_frames,
-)
+from ..simulation.simulated_camera import SimulatedBurst, SimulatedCamera, SimulatedFrame
 from .options import add
 
 if TYPE_CHECKING:
@@ -90,10 +86,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     show = partial(_show_burst, shots) if arguments.burst else _show_shot
 
     def work(job: Job, listener: StageProgress) -> Outcome:
-        lines = [
-            f"Median PSNR over all 10 x 10 patches, dB, at sigma {_NOISE.level:g}",
-            f"{'':18}{'RGB':>8}{'luminance':>12}{'chrominance':>13}",
-        ]
+        title = f"Median PSNR over all 10 x 10 patches, dB, at sigma {_NOISE.level:g}"
+        lines = [title, f"{'':18}{'RGB':>8}{'luminance':>12}{'chrominance':>13}"]
         for name, (rgb, luminance, chrominance) in show(folder, console).items():
             lines.append(f"{name:18}{rgb:8.1f}{luminance:12.1f}{chrominance:13.1f}")
         return Outcome(lines=(*lines, f"{folder}: {', '.join(results)}"))
@@ -125,7 +119,7 @@ def _show_burst(names: list[str], folder: Path, console: Console) -> Medians:
     """Simulate a burst, merge it, and write its pictures and the shots of these names."""
     scene = builtin_scene(*_DRAWN)
     burst, hand = SimulatedBurst(len(names), *_MOTION), np.random.default_rng(_SEED)
-    frames = list(burst_frames(scene.rgb, burst, hand, _PIXEL))
+    frames = list(simulated_camera.burst_frames(scene.rgb, burst, hand, _PIXEL))
     paths = [folder / name for name in names]
     shots = enumerate(zip(frames, paths, strict=True))
     mosaics = [_photographed(scene, *shot, seed) for seed, shot in shots]

@@ -160,18 +160,15 @@ def _kernels(console: Console) -> Iterator[Finding]:
     with console.progress("doctor") as progress:
         compiled = compile_all(names, processors(), console.note)
         errors = [error for _, error in follow(compiled, names, progress, "compiling") if error]
-    if missing := kernels_to_compile():
-        reason = ": ".join(["not compiled", ", ".join(missing), *map(str, errors[:1])])
-        remedy = "close other programs, free some disk space, or set NUMBA_CACHE_DIR"
-        yield Finding("kernel cache", BAD, reason, remedy)
-        return
     chosen = os.environ.get("NUMBA_CACHE_DIR")
-    if chosen and not folder.is_relative_to(Path(chosen).absolute()):
-        reason = f"{chosen} cannot be written to; kernels are in {folder}"
+    found, remedy = f"{folder}, {len(names)} compiled", ""
+    if missing := kernels_to_compile():
+        found = ": ".join(["not compiled", ", ".join(missing), *map(str, errors[:1])])
+        remedy = "close other programs, free some disk space, or set NUMBA_CACHE_DIR"
+    elif chosen and not folder.is_relative_to(Path(chosen).absolute()):
+        found = f"{chosen} cannot be written to; kernels are in {folder}"
         remedy = "set NUMBA_CACHE_DIR to a folder that you may write to, or unset it"
-        yield Finding("kernel cache", BAD, reason, remedy)
-        return
-    yield Finding("kernel cache", GOOD, f"{folder}, {len(names)} compiled")
+    yield Finding("kernel cache", BAD if remedy else GOOD, found, remedy)
 
 
 def _pictures() -> dict[str, Callable[[], None]]:
@@ -228,9 +225,7 @@ def _machine() -> Iterator[Finding]:
     yield Finding("processes", state, found, remedy if alone else "")
     free = available_memory()
     scarce = free < _LEAST_MEMORY
-    remedy = (
-        "close other programs, or let the job or the container have more: a render of 12 "
-        "megapixels needs about 0.6 GB"
-    )
+    need = "a render of 12 megapixels needs about 0.6 GB"
+    remedy = f"close other programs, or let the job or the container have more: {need}"
     found = f"{free / 2**30:.1f} GB free"
     yield Finding("memory", BAD if scarce else GOOD, found, remedy if scarce else "")

@@ -3,7 +3,7 @@ set.
 """
 
 import argparse
-import secrets
+from secrets import token_hex
 from typing import Any
 
 from ...shared import read_camera
@@ -34,23 +34,17 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
     spaces = tuple(dict.fromkeys(space for kind in kinds for space in kind.spaces))
     space = "colour space; camera: scene units (default: the usual one of the format)"
     group.add_argument("--space", choices=spaces, help=space)
-    exposure = (
-        "brighten the picture by this many stops; negative ones darken it, and what is "
-        "clipped stays white (default: 0)"
-    )
+    darker = "negative ones darken it, and what is clipped stays white"
+    exposure = f"brighten the picture by this many stops; {darker} (default: 0)"
     group.add_argument("--exposure", metavar="STOPS", type=factor, default=0.0, help=exposure)
-    balance = (
-        "white balance: camera (as shot, the default), auto (estimated from the picture), X,Y "
-        "(the 9 x 9 pixels around it are grey; of a burst in --reference, or the first shot), or "
-        "multipliers such as 2.1,1,1.6"
-    )
+    known = "camera (as shot, the default), auto (estimated from the picture)"
+    grey = "the 9 x 9 pixels around it are grey; of a burst in --reference, or the first shot"
+    balance = f"white balance: {known}, X,Y ({grey}), or multipliers such as 2.1,1,1.6"
     group.add_argument("--wb", metavar="BALANCE", type=_balance, default="camera", help=balance)
     add(group, "recalibrate")
     published = "; paper: the published method, literally" if "paper" in presets else ""
-    preset = (
-        "best (the default); unlearned: without the networks that correct luminance and "
-        f"colour{published}"
-    )
+    unlearned = "without the networks that correct luminance and colour"
+    preset = f"best (the default); unlearned: {unlearned}{published}"
     group.add_argument("--preset", choices=presets, default=presets[0], help=preset)
 
 
@@ -80,16 +74,8 @@ def order_fields(arguments: argparse.Namespace) -> dict[str, Any]:
     kind.check_exposure(arguments.exposure)
     white = WhiteBalance.parse(arguments.wb)
     white.check(kind)
-    return {
-        "preset": arguments.preset,
-        "exposure": arguments.exposure,
-        "max_pixels": pixel_limit(),
-        "resume": arguments.resume,
-        "overwrite": arguments.overwrite,
-        "dry_run": arguments.dry_run,
-        "kind": kind,
-        "white": white,
-        "camera": read_camera(arguments.camera) if arguments.camera else None,
-        "folder": output_folder(arguments.output, dry_run=arguments.dry_run),
-        "run": secrets.token_hex(8),
-    }
+    as_given = "preset", "exposure", "resume", "overwrite", "dry_run"
+    fields = {name: getattr(arguments, name) for name in as_given}
+    fields |= {"kind": kind, "white": white, "max_pixels": pixel_limit(), "run": token_hex(8)}
+    fields["camera"] = read_camera(arguments.camera) if arguments.camera else None
+    return fields | {"folder": output_folder(arguments.output, dry_run=arguments.dry_run)}

@@ -71,11 +71,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     files = search(arguments.shots, DNGS, output=folder)
     searched = files.report(console)
-
-    def names(source: str) -> list[str]:
-        return [f"{Path(source).stem}.jpg"]
-
-    jobs = plan(files.sources, names, folder, dry_run=run.dry_run)
+    jobs = plan(files.sources, lambda name: [f"{Path(name).stem}.jpg"], folder, dry_run=run.dry_run)
     settings = {"overwrite": run.may_replace, "threads": arguments.jobs}
     code = run_jobs(jobs, partial(kept, run, work), console, **settings)
     return code if searched else FAILED

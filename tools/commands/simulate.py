@@ -38,28 +38,13 @@ from ..batch.previews import Previews
 from ..batch.progress import StageProgress
 from ..io.development import Development
 from ..io.kind import PictureKind, write_picture
+from ..simulation import simulated_camera
 from ..simulation.lens import Lens
 from ..simulation.load import ENDINGS, TRUTH, TRUTH_PICTURE, is_drawn, load_scene, set_aside
 from ..simulation.protocols import chosen_protocol
-from ..simulation.simulated_camera import (
-    Exposed,
-    SimulatedBurst,
-    SimulatedCamera,
-    SimulatedFrame,
-    burst_frames,
-    motion_text,
-)
-from .options import (
-    SENSOR_BITS,
-    add,
-    add_file_run,
-    amount,
-    camera_of,
-    count,
-    file_run,
-    numbers,
-    pixel_limit,
-)
+from ..simulation.simulated_camera import Exposed, SimulatedBurst, SimulatedCamera, SimulatedFrame
+from . import options
+from .options import SENSOR_BITS, add, amount, camera_of, count, numbers, pixel_limit
 
 _TRUTH_MEASURED, _TRUTH_SHOWN = PictureKind("tif", 32, "camera"), PictureKind("png", 8, "srgb")
 
@@ -69,26 +54,20 @@ EXAMPLE = "panchroma simulate IMG_0001.CR2 -o shots --sigma 0.01 --truth"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma simulate`."""
-    scenes = (
-        "camera RAW, picture, builtin:WIDTHxHEIGHT, chart:WIDTHxHEIGHT, or a folder with "
-        "pictures in it or below"
-    )
+    drawn = "builtin:WIDTHxHEIGHT, chart:WIDTHxHEIGHT"
+    scenes = f"camera RAW, picture, {drawn}, or a folder with pictures in it or below"
     parser.add_argument("scenes", metavar="SCENE", nargs="+", help=scenes)
     add(parser, "output", help="folder for STEM.dng (subfolders are kept), created if missing")
     sensor = parser.add_argument_group("the camera")
     add(sensor, "camera", "pattern", "channels", "origin")
     add(sensor, "sensor-bits", help=f"{SENSOR_BITS} (default: 12, or those of the camera)")
-    samples = (
-        "dng (the default), or raw: STEM.raw, the samples alone, as 16-bit words, to try "
-        "`capture` with (pixel format u16)"
-    )
+    raw = "STEM.raw, the samples alone, as 16-bit words, to try `capture` with (pixel format u16)"
+    samples = f"dng (the default), or raw: {raw}"
     sensor.add_argument("-f", "--format", choices=("dng", "raw"), default="dng", help=samples)
     light = parser.add_argument_group("light and noise (default: none)")
     add(light, "sigma", "light", "seed")
-    shading = (
-        "a lens whose corners are STOPS darker, with PERCENT less of the first channel "
-        "and as much more of the last one"
-    )
+    tint = "with PERCENT less of the first channel and as much more of the last one"
+    shading = f"a lens whose corners are STOPS darker, {tint}"
     stops = numbers(example="2,15")
     light.add_argument("--shading", metavar="STOPS,PERCENT", type=stops, help=shading)
     burst = parser.add_argument_group("a burst: a hand-held series of each scene")
@@ -96,10 +75,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     burst.add_argument("--burst", metavar="N", type=count, help=frames)
     motion = "largest displacement of the others (default: 0)"
     burst.add_argument("--motion", metavar="PIXELS", type=amount, default=0.0, help=motion)
-    bracket = (
-        "exposure of each frame in stops, such as 0,-2,2, or --bracket=-2,0 if it begins with a "
-        "minus; the files state it as exposure time (default: all are exposed alike)"
-    )
+    example = "0,-2,2, or --bracket=-2,0 if it begins with a minus"
+    stated = "the files state it as exposure time (default: all are exposed alike)"
+    bracket = f"exposure of each frame in stops, such as {example}; {stated}"
     stops = numbers(example="0,-2,2")
     burst.add_argument("--bracket", metavar="EV,EV,...", type=stops, default=(), help=bracket)
     reduced = "make one pixel from N x N of the scene, after the burst's motion (default: 1)"
@@ -112,7 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "the others"
     )
     parser.add_argument("--truth", action="store_true", help=truth)
-    add_file_run(parser, "scenes")
+    options.add_file_run(parser, "scenes")
     add(parser, "json")
 
 
@@ -129,7 +107,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     camera = SimulatedCamera(pattern, measured, noise, bits=arguments.sensor_bits, lens=lens)
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
     stated = arguments.camera and digest(arguments.camera)
-    run = file_run(arguments, folder, camera=stated, pattern=asdict(pattern))
+    run = options.file_run(arguments, folder, camera=stated, pattern=asdict(pattern))
     previews = Previews()
     load = partial(load_scene, max_pixels=pixel_limit(), channels=pattern.channels)
 
@@ -149,7 +127,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         if run.dry_run:
             return planned(job)
         hand = noise_of(arguments.seed, shots[0].with_suffix(".motion").relative_to(folder))
-        frames = burst_frames(scene.rgb, burst, hand, arguments.reduce)
+        frames = simulated_camera.burst_frames(scene.rgb, burst, hand, arguments.reduce)
         progress.stage("sampling and writing", burst.frames)
         for shot, frame in zip(shots, frames, strict=True):
             rng = noise_of(arguments.seed, shot.relative_to(folder))
@@ -165,7 +143,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             motions[shot.name] = replace(frame, rgb=frame.rgb[:0].copy())  # without its light
             progress.advance()
         for path in beside[2:]:
-            write_durably(path, motion_text(motions, mosaic.shape).encode(), **keep(path))
+            moved = simulated_camera.motion_text(motions, mosaic.shape)
+            write_durably(path, moved.encode(), **keep(path))
         notes.append((job.source, (*exposed.notes, *missing)))
         rows, columns = mosaic.shape
         size = f"{columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits"
