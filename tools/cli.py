@@ -132,13 +132,10 @@ def build_parser(
     *used: the verbs whose options are added; importing all would take a second. store: the action
     of their arguments that take values; None = that of argparse.
     """
-    parser = _Parser(
-        prog="panchroma",
-        usage="panchroma VERB ... [options]",
-        description="Software of a sparse-colour camera: simulate it, calibrate it, render its "
-        "shots.",
-        epilog=f"panchroma help VERB shows the options of a verb.\n{_ENVIRONMENT}",
-    )
+    usage = "panchroma VERB ... [options]"
+    about = "Software of a sparse-colour camera: simulate it, calibrate it, render its shots."
+    more = f"panchroma help VERB shows the options of a verb.\n{_ENVIRONMENT}"
+    parser = _Parser(prog="panchroma", usage=usage, description=about, epilog=more)
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     _add_common(parser, quiet=False, verbose=False)
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True, prog="panchroma")

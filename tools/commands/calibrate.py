@@ -51,10 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "two in FILE is enough, and the other stays"
     )
     parser.add_argument("--chart-light", metavar="LIGHT=F", type=_light, **repeated, help=light)
-    corners = (
-        "outer corners of the chart in the only shot, in pixels: at dark skin, bluish "
-        "green, black, white"
-    )
+    at = "at dark skin, bluish green, black, white"
+    corners = f"outer corners of the chart in the only shot, in pixels: {at}"
     place = numbers(2, "12,34.5")
     parser.add_argument("--corners", metavar="X,Y", nargs=4, type=place, help=corners)
     colours = "colours of your chart: CGATS file (.ti3, .cie) with XYZ or L*a*b* (D50)"
@@ -63,12 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sensor", metavar="NAME", type=text, help=sensor)
     report = "folder for report.html, created if missing"
     parser.add_argument("--report", metavar="DIR", help=report)
-    update = (
-        "replace only those parts of FILE that these frames measure; FILE.bak keeps the old file; "
-        "noise that moves beyond its intervals takes --overwrite as well"
-    )
+    old = "FILE.bak keeps the old file"
+    noise = "noise that moves beyond its intervals takes --overwrite as well"
+    update = f"replace only those parts of FILE that these frames measure; {old}; {noise}"
     parser.add_argument("--update", action="store_true", help=update)
-    add(parser, "overwrite", help="replace FILE and the report; FILE.bak keeps the old file")
+    add(parser, "overwrite", help=f"replace FILE and the report; {old}")
     add(parser, "json")
 
 

@@ -54,15 +54,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     usual = ["K=6"]
     what.add_argument("--pattern", metavar="PATTERN,...", type=names, default=usual, help=patterns)
-    methods = (
-        "methods to compare, yours by FILE.py:FUNCTION or MODULE:FUNCTION, which makes a picture "
-        "of a Mosaic (default: all installed; an unknown name lists them)"
-    )
+    own = "yours by FILE.py:FUNCTION or MODULE:FUNCTION, which makes a picture of a Mosaic"
+    methods = f"methods to compare, {own} (default: all installed; an unknown name lists them)"
     what.add_argument("--methods", metavar="NAME,...", type=names, default=[], help=methods)
-    rivals = (
-        "compare anybody's network for Bayer mosaics, too; FILE.json beside it says how it "
-        "is fed; repeat it for more"
-    )
+    fed = "FILE.json beside it says how it is fed"
+    rivals = f"compare anybody's network for Bayer mosaics, too; {fed}; repeat it for more"
     what.add_argument("--rival", metavar="FILE.onnx", action="append", default=[], help=rivals)
     crop = "use only the middle of each scene, for a quick look"
     what.add_argument("--crop", metavar="PIXELS", type=count, help=crop)

@@ -41,32 +41,26 @@ class _Source(argparse.Action):
 
 def add_source(parser: argparse.ArgumentParser) -> None:
     """Add SOURCE and the options that describe its frames and its sensor."""
-    sources = (
-        "- (standard input), a folder that is watched for frames, genicam:ID (a connected camera; "
-        "genicam: lists them), or builtin:WIDTHxHEIGHT@FPS"
-    )
+    cameras = "genicam:ID (a connected camera; genicam: lists them), or builtin:WIDTHxHEIGHT@FPS"
+    sources = f"- (standard input), a folder that is watched for frames, {cameras}"
     parser.add_argument("source", metavar="SOURCE", help=sources, action=_Source)
     title = "the frames of a stream or folder (rpicam-raw prints all this when it starts)"
     frames = add_layout(parser, title)
     add(frames, "sensor-bits")
-    black = (
-        "black level of the sensor, code (default: the camera's, or a sixteenth of the range); its "
-        "data sheet says it, `calibrate --dark` measures it"
-    )
+    known = "its data sheet says it, `calibrate --dark` measures it"
+    usual = "the camera's, or a sixteenth of the range"
+    black = f"black level of the sensor, code (default: {usual}); {known}"
     frames.add_argument("--black", metavar="N", type=int, help=black)
-    unchecked = (
-        "do not compare the first frames with these options, as with a covered lens; without it, "
-        "frames that prove one of them wrong are refused"
-    )
+    wrong = "without it, frames that prove one of them wrong are refused"
+    compared = "the first frames with these options, as with a covered lens"
+    unchecked = f"do not compare {compared}; {wrong}"
     frames.add_argument("--unchecked", action="store_true", help=unchecked)
     new = "skip frames that are in the folder already"
     frames.add_argument("--new", action="store_true", help=new)
     title = "the camera (`panchroma identify` finds pattern and origin in one raw frame)"
     add(parser.add_argument_group(title), "camera", "pattern", "channels", "origin")
-    title = (
-        "settings of a genicam: camera (it says size and stride itself, and the pattern "
-        "unless its format is Mono)"
-    )
+    itself = "it says size and stride itself, and the pattern unless its format is Mono"
+    title = f"settings of a genicam: camera ({itself})"
     settings = parser.add_argument_group(title)
     exposure = "such as 1/100 or 0.01 (default: as it is set)"
     settings.add_argument("--exposure-time", metavar="SECONDS", type=factor, help=exposure)
@@ -81,10 +75,8 @@ def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._Argumen
     frames = parser.add_argument_group(title)
     size = "width and height of a frame, such as 4056x3040"
     frames.add_argument("--size", metavar="WxH", type=_size, default=(None, None), help=size)
-    formats = (
-        f"{', '.join(PIXEL_FORMATS)}, or its name in V4L2, libcamera or GenICam: "
-        "SRGGB10_CSI2P, pRCC, Y12P, Mono12p ..."
-    )
+    names = "SRGGB10_CSI2P, pRCC, Y12P, Mono12p ..."
+    formats = f"{', '.join(PIXEL_FORMATS)}, or its name in V4L2, libcamera or GenICam: {names}"
     frames.add_argument("--pixel-format", metavar="NAME", help=formats)
     stride = "bytes from one line to the next (default: no padding)"
     frames.add_argument("--stride", metavar="BYTES", type=int, default=0, help=stride)

@@ -41,10 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     files = "a raw frame: shot, DNG, camera RAW, grey TIFF or PNG, raw stream"
     parser.add_argument("files", metavar="FILE", nargs="+", help=files)
     add_layout(parser, "files without a header (rpicam-raw prints all this when it starts)")
-    picture = (
-        "folder for NAME-tile.png: how bright each site of the tile is, and its letter; "
-        "created if missing"
-    )
+    shown = "how bright each site of the tile is, and its letter"
+    picture = f"folder for NAME-tile.png: {shown}; created if missing"
     add(parser, "output", required=False, help=picture)
     add(parser, "overwrite", "json")
 

@@ -3,6 +3,7 @@
 import argparse
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from secrets import token_hex
 from typing import Any, TypeVar
@@ -31,11 +32,9 @@ def value(
     """
 
     def typed(text: str) -> T:
-        try:
+        with suppress(ValueError, ZeroDivisionError):
             if fits(result := convert(text)):
                 return result
-        except (ValueError, ZeroDivisionError):
-            pass
         raise argparse.ArgumentTypeError(f"{text!r} is not {expected}")
 
     return typed
@@ -195,6 +194,5 @@ def camera_of(
 
     stated: see `camera_and_pattern`.
     """
-    return camera_and_pattern(
-        arguments.camera, arguments.pattern, arguments.channels, arguments.origin, stated
-    )
+    filters = arguments.pattern, arguments.channels, arguments.origin
+    return camera_and_pattern(arguments.camera, *filters, stated)

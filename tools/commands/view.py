@@ -60,10 +60,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "for this machine alone; 0.0.0.0 for everybody on the network)"
     )
     parser.add_argument("--bind", metavar=address, type=_address, default=usual, help=interface)
-    name = (
-        "name of this machine that browsers may ask for, beside its addresses and own names, "
-        "or that of a proxy; repeat it for more"
-    )
+    others = "beside its addresses and own names, or that of a proxy"
+    name = f"name of this machine that browsers may ask for, {others}; repeat it for more"
     repeated: dict[str, Any] = {"action": "append", "default": [], "help": name}
     parser.add_argument("--host", metavar="NAME", type=_host_name, **repeated)
     add(parser, "scale", "latest")
