@@ -46,10 +46,8 @@ _ILLUMINANTS: dict[float, str] = {3: "A", 17: "A", 24: "3200", 23: "D50", 11: "D
 _ILLUMINANTS |= dict.fromkeys((1, 4, 9, 20), "D55")
 _SEARCHED = 1 << 20  # bytes at the beginning of a RAW that is not a TIFF
 _TIFF_STARTS = (b"II*\0\x08\0\0\0", b"MM\0*\0\0\0\x08")
-NO_RAW = (
-    "neither a picture nor a camera RAW {}; expected CR2, NEF, ARW, DNG, ... or TIFF, PNG, "
-    "JPEG, EXR, NPY"
-)
+_EXPECTED = "CR2, NEF, ARW, DNG, ... or TIFF, PNG, JPEG, EXR, NPY"
+NO_RAW = f"neither a picture nor a camera RAW {{}}; expected {_EXPECTED}"
 # LibRaw's flip -> TIFF's orientation
 _ORIENTATIONS = {0: 1, 1: 2, 2: 4, 3: 3, 4: 5, 5: 8, 6: 6, 7: 7}
 
@@ -261,9 +259,8 @@ def _check_mosaic(raw: Any, remedy: str) -> None:
     import rawpy
 
     if raw.raw_type != rawpy.RawType.Flat or raw.raw_image is None:
-        raise InputError(
-            f"the RAW holds several samples per pixel (Foveon, sRAW), not a mosaic: {remedy}"
-        )
+        several = "several samples per pixel (Foveon, sRAW)"
+        raise InputError(f"the RAW holds {several}, not a mosaic: {remedy}")
 
 
 def camera_scene(

@@ -91,9 +91,8 @@ def delta_e_2000(first: DoubleArray, second: DoubleArray) -> DoubleArray:
     total = hue1 + hue2
     wrapped = np.abs(hue1 - hue2) > 180
     # Eq. 14
-    hue = np.where(
-        grey, total, np.where(wrapped, (total + np.where(total < 360, 360, -360)) / 2, total / 2)
-    )
+    average = np.where(wrapped, (total + np.where(total < 360, 360, -360)) / 2, total / 2)
+    hue = np.where(grey, total, average)
     weight = (
         1
         - 0.17 * np.cos(np.radians(hue - 30))
@@ -101,16 +100,13 @@ def delta_e_2000(first: DoubleArray, second: DoubleArray) -> DoubleArray:
         + 0.32 * np.cos(np.radians(3 * hue + 6))
         - 0.20 * np.cos(np.radians(4 * hue - 63))
     )  # T, Eq. 15
-    rotation = (
-        -np.sin(np.radians(60 * np.exp(-(((hue - 275) / 25) ** 2))))
-        * 2
-        * np.sqrt(chroma**7 / (chroma**7 + 25.0**7))
-    )
+    angle = 60 * np.exp(-(((hue - 275) / 25) ** 2))  # 2 Delta theta, Eq. 16
+    weight_of_chroma = 2 * np.sqrt(chroma**7 / (chroma**7 + 25.0**7))  # R_C, Eq. 17
+    rotation = -np.sin(np.radians(angle)) * weight_of_chroma  # Eq. 21
     s_lightness = 1 + 0.015 * (lightness - 50) ** 2 / np.sqrt(20 + (lightness - 50) ** 2)  # Eq. 18
     # Eqs. 19, 20
     by_chroma, by_hue = d_chroma / (1 + 0.045 * chroma), d_hue / (1 + 0.015 * chroma * weight)
     # Eq. 22
-    squared = (
-        (d_lightness / s_lightness) ** 2 + by_chroma**2 + by_hue**2 + rotation * by_chroma * by_hue
-    )
+    by_lightness, turned = d_lightness / s_lightness, rotation * by_chroma * by_hue
+    squared = by_lightness**2 + by_chroma**2 + by_hue**2 + turned
     return np.sqrt(np.maximum(squared, 0))

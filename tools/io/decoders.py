@@ -20,16 +20,9 @@ from ...shared.errors import InputError
 from ...shared.jpeg_check import read_header
 from ...shared.reading import read_whole
 from ...shared.tiff_reading import StoredField, read_directories
+from . import decoded
 from .damage import data_bytes, guarded
-from .decoded import (
-    Decoded,
-    PictureFormat,
-    channels_of,
-    exif_encoding,
-    profile_encoding,
-    remark_on_unused,
-    without_alpha,
-)
+from .decoded import Decoded, PictureFormat, exif_encoding, profile_encoding, remark_on_unused
 from .encoding import SRGB, Encoding, coded_encoding, power_curve, space_of
 from .limited import Facts, run_limited
 from .scene import RGB, check_size, scene_channels
@@ -66,12 +59,11 @@ def decode_array(array: NDArray[Any], channels: str = RGB) -> Decoded:
     """
     count = array.shape[2] if array.ndim == 3 else int(array.ndim == 2)
     if not count or array.dtype.kind not in "uf":
-        raise InputError(
-            f"the array is {array.dtype} of shape {array.shape}; expected unsigned integers or "
-            "floating point, (rows, columns) or (rows, columns, channels)"
-        )
+        shapes = "(rows, columns) or (rows, columns, channels)"
+        expected = f"unsigned integers or floating point, {shapes}"
+        raise InputError(f"the array is {array.dtype} of shape {array.shape}; expected {expected}")
     notes: list[str] = []
-    letters = channels_of(count, channels, notes)
+    letters = decoded.channels_of(count, channels, notes)
     pixels = np.atleast_3d(np.array(array))
     peak = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None
     return Decoded(pixels, peak, notes=notes, channels=letters or RGB)
@@ -107,8 +99,8 @@ def decode_png(path: Path, max_pixels: int, channels: str) -> Decoded:
     check_size(width, height, 8 if wide else 4, data_bytes(path), max_pixels)
     png, beside = _chunks(path, _MOST_PER_PIXEL * width * height + _MOST_BESIDE)
     with guarded():
-        decoded = imagecodecs.png_decode(png)
-    pixels, peak = without_alpha(decoded, notes), 65535 if wide else 255
+        samples = imagecodecs.png_decode(png)
+    pixels, peak = decoded.without_alpha(samples, notes), 65535 if wide else 255
     encoding = _encoding(beside, peak, notes)
     if b"acTL" in beside:
         remark_on_unused(["the animation"], notes)

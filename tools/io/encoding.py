@@ -6,14 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...shared.arrays import DoubleArray
-from ...shared.colorimetry import (
-    D65_XY,
-    SRGB_PRIMARIES,
-    SRGB_TO_XYZ,
-    Matrix,
-    as_rows,
-    primaries_to_xyz,
-)
+from ...shared.colorimetry import SRGB_PRIMARIES, SRGB_TO_XYZ, Matrix, as_rows, primaries_to_xyz
 from .colour import P3_PRIMARIES, decode_srgb
 
 Curve = Callable[[DoubleArray], DoubleArray]  # encoded values, 0..1 -> linear light, 0..1
@@ -29,14 +22,13 @@ _ADOBE_RGB = ((0.640, 0.330), (0.210, 0.710), (0.150, 0.060))  # Adobe RGB (1998
 REC_2020 = as_rows(primaries_to_xyz(_BT2020))
 """Matrix from linear RGB of BT.2020 to XYZ (D50)."""
 # H.273, table 2.
-_CODED_PRIMARIES = {
-    1: (SRGB_PRIMARIES, D65_XY),
-    5: (_BT601_625, D65_XY),
-    6: (_BT601_525, D65_XY),
-    7: (_BT601_525, D65_XY),
-    9: (_BT2020, D65_XY),
-    11: (P3_PRIMARIES, _P3_WHITE),
-    12: (P3_PRIMARIES, D65_XY),
+_CODED_SPACES = {
+    1: primaries_to_xyz(SRGB_PRIMARIES),
+    5: primaries_to_xyz(_BT601_625),
+    **dict.fromkeys((6, 7), primaries_to_xyz(_BT601_525)),
+    9: primaries_to_xyz(_BT2020),
+    11: primaries_to_xyz(P3_PRIMARIES, _P3_WHITE),
+    12: primaries_to_xyz(P3_PRIMARIES),
 }
 
 
@@ -106,13 +98,13 @@ def coded_encoding(code: bytes, peak: int) -> Encoding | None:
     full; in the narrow range black is 16, white 235 of 256 steps. peak: the largest sample.
     """
     primaries, transfer, matrix, full = code if len(code) == 4 else bytes(4)
-    curve, corners = _CODED_CURVES.get(transfer), _CODED_PRIMARIES.get(primaries)
-    if curve is None or corners is None or matrix or full > 1:
+    curve, to_xyz = _CODED_CURVES.get(transfer), _CODED_SPACES.get(primaries)
+    if curve is None or to_xyz is None or matrix or full > 1:
         return None
     if not full:
         curve = _narrow(curve, (peak + 1) / 256 / peak)
     name = f"primaries {primaries} and transfer {transfer} of H.273"
-    return Encoding((curve,) * 3, as_rows(primaries_to_xyz(*corners)), name)
+    return Encoding((curve,) * 3, as_rows(to_xyz), name)
 
 
 def _narrow(curve: Curve, step: float) -> Curve:

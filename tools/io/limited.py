@@ -88,11 +88,10 @@ def run_limited(
                 sending.write(request.encode())
             refused, trace, samples, facts = _received(process.stdout, most)
         except (ValueError, TypeError, LookupError, RecursionError):
-            raise InputError(
-                f"reading it takes more than {seconds:.2g} s or {most >> 20} MB, or ends the "
-                f"process that reads it, which no picture of {size} bytes does: the file is "
-                "damaged, or made to fill the memory; copy it again"
-            ) from None
+            cost = f"{seconds:.2g} s or {most >> 20} MB, or ends the process that reads it"
+            usual = f"which no picture of {size} bytes does"
+            why = "the file is damaged, or made to fill the memory; copy it again"
+            raise InputError(f"reading it takes more than {cost}, {usual}: {why}") from None
         finally:
             process.kill()
     if refused:

@@ -114,10 +114,8 @@ def _check_chunks(page: TiffPage, stream: Any) -> None:
         if page.compression == _JPEG_XL:
             height, width = declared_size(stream.read(count))
             if height > rows or width > columns:
-                raise InputError(
-                    f"a JPEG XL image of the linear DNG declares {width} x {height} pixels in a "
-                    f"place for {columns} x {rows}: {reason}"
-                )
+                declared = f"{width} x {height} pixels in a place for {columns} x {rows}"
+                raise InputError(f"a JPEG XL image of the linear DNG declares {declared}: {reason}")
         elif page.compression in _DEFLATE:
             with guarded():
                 inflated = zlib.decompressobj().decompress(stream.read(count), most + 1)

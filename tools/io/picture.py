@@ -136,7 +136,6 @@ def _remark_on_bits(highest: int, peak: int, notes: list[str]) -> None:
     bits = next((bits for bits in _USUAL_BITS if highest < 1 << bits), 64)
     times = (peak + 1) >> bits
     if highest and times >= 4:
-        notes.append(
-            f"no sample is above {highest}, of {peak}: if the samples have {bits} bits, the scene "
-            f"is {times} times too dark; multiply them by {times}, and save the picture again"
-        )
+        dark = f"if the samples have {bits} bits, the scene is {times} times too dark"
+        remedy = f"multiply them by {times}, and save the picture again"
+        notes.append(f"no sample is above {highest}, of {peak}: {dark}; {remedy}")

@@ -71,10 +71,9 @@ class Scene:
             reason = "are not finite (NaN or infinite); replace them before simulating"
             raise InputError(f"{counted} {reason}")
         if lowest < min(0.0, DARKEST * highest):
-            raise InputError(
-                f"the lowest value is {lowest:.4g}, but light is not negative. Subtract the black "
-                "level correctly, or clip the picture at 0 if it has been sharpened"
-            )
+            fault = f"the lowest value is {lowest:.4g}, but light is not negative"
+            sharpened = "clip the picture at 0 if it has been sharpened"
+            raise InputError(f"{fault}. Subtract the black level correctly, or {sharpened}")
         if lowest < 0:
             rgb = np.maximum(rgb, 0)
         rgb = rgb.view()
@@ -125,8 +124,7 @@ def check_size(
     decoded = width * height * pixel_bytes
     believed = width * height <= _BELIEVED and decoded <= _BELIEVED * _BELIEVED_BYTES
     if file_bytes and not believed and decoded > MAX_EXPANSION * file_bytes:
-        raise InputError(
-            f"{file_bytes} bytes claim to hold {width} x {height} pixels ({decoded // 2**20} MB): "
-            "the file is damaged, or made to fill the memory; if it is a picture, save it "
-            "without compression"
-        )
+        claimed = f"{width} x {height} pixels ({decoded // 2**20} MB)"
+        reason = "the file is damaged, or made to fill the memory"
+        remedy = "if it is a picture, save it without compression"
+        raise InputError(f"{file_bytes} bytes claim to hold {claimed}: {reason}; {remedy}")

@@ -14,17 +14,9 @@ from ...shared.colorimetry import D65_XY
 from ...shared.dng import read_metadata
 from ...shared.dng.tags import TAG, tags_of
 from ...shared.tiff_check import PLAIN, check_directories, check_page
+from . import decoded
 from .damage import check_strips, data_bytes, guarded
-from .decoded import (
-    MOST_PAGES,
-    Decoded,
-    PictureFormat,
-    channels_of,
-    exif_encoding,
-    profile_encoding,
-    remark_on_unused,
-    without_alpha,
-)
+from .decoded import MOST_PAGES, Decoded, PictureFormat, channels_of, remark_on_unused
 from .encoding import SRGB, Curve, Encoding, space_of, table_curve
 from .scene import RGB, check_size
 
@@ -67,10 +59,8 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
         pages = full if first.samplesperpixel == 1 == len(kinds) else [first]
         samples = first.samplesperpixel
         if not samples or first.imagedepth != 1 or first.tiledepth != 1:
-            raise InputError(
-                f"the TIFF has {samples} samples per pixel and {first.imagedepth} planes in "
-                "depth; expected a picture"
-            )
+            found = f"{samples} samples per pixel and {first.imagedepth} planes in depth"
+            raise InputError(f"the TIFF has {found}; expected a picture")
         alpha = any(kind in _ALPHA for kind in first.extrasamples)
         colour = first.photometric == tifffile.PHOTOMETRIC.RGB
         count = samples * len(pages)
@@ -84,16 +74,16 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
         planes = [_page_pixels(page) for page in pages]
         pixels = planes[0] if len(planes) == 1 else np.concatenate(planes, axis=-1)
         if not letters:
-            pixels = without_alpha(pixels, notes)
+            pixels = decoded.without_alpha(pixels, notes)
         if len(pages) == 1 and (len(full) > 1 or (several and most == 1)):
             notes.append("the file has several pages; only the first is used")
         remark_on_unused(others, notes)
         peak = _peak(first, pixels, notes)
         with guarded(path):
             profile = bytes(first.tags.valueof(TAG["InterColorProfile"], b""))
-        encoding = profile_encoding(profile, notes) or _declared(first, notes)
+        encoding = decoded.profile_encoding(profile, notes) or _declared(first, notes)
         if encoding is None and peak:
-            encoding = exif_encoding(stream, notes)
+            encoding = decoded.exif_encoding(stream, notes)
         metadata = read_metadata(stream)
     return Decoded(pixels, peak, encoding, metadata, notes, letters or RGB)
 

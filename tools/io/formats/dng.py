@@ -11,15 +11,8 @@ from typing import BinaryIO, ClassVar
 import numpy as np
 
 from ....shared import ByteArray, CodeArray, FloatArray, InputError
+from ....shared.dng import container
 from ....shared.dng.colour_tags import colour_fields
-from ....shared.dng.container import (
-    DIGEST_TILE,
-    main_directory,
-    md5,
-    picture_fields,
-    picture_id,
-    tile_digests,
-)
 from ....shared.dng.lossless_jpeg import encode_lossless
 from ....shared.dng.tags import LONGEST_SIDE, MAKER, PICTURE_PLANES, TAG, Compression, Photometric
 from ....shared.tiff import Directory, FieldType, write_tiff
@@ -28,7 +21,7 @@ from ..development import CAMERA, Development
 from ..display import display_codes, joined, quantise, regrouped
 from .format import Bands, Format
 
-CHUNK_ROWS = DIGEST_TILE
+CHUNK_ROWS = container.DIGEST_TILE
 """Rows of a chunk of a picture."""
 _PICTURE_BITS, _WHITE_CODE = 16, 65535
 _TILE = 16  # TIFF 6.0: sides of tiles are multiples of this
@@ -104,7 +97,7 @@ def encode_chunk(rgb: FloatArray, shape: tuple[int, int]) -> tuple[list[bytes], 
     padded = np.pad(padded, ((0, height - len(codes)), (0, 0), (0, 0)))
     lefts = range(0, shape[1], width)
     tiles = [encode_lossless(padded[:, left : left + width], _PICTURE_BITS) for left in lefts]
-    return tiles, tile_digests(codes)
+    return tiles, container.tile_digests(codes)
 
 
 def _tile(shape: tuple[int, int]) -> tuple[int, int]:
@@ -127,7 +120,8 @@ def linear_dng(
     (H, W, 3). development: of colours and capture data.
     """
     shape = preview.shape[0], preview.shape[1], PICTURE_PLANES
-    fields = picture_fields(shape, _PICTURE_BITS, Compression.JPEG, Photometric.LINEAR_RAW) | {
+    kind = Compression.JPEG, Photometric.LINEAR_RAW
+    fields = container.picture_fields(shape, _PICTURE_BITS, *kind) | {
         TAG["NewSubfileType"]: (FieldType.LONG, [0]),
         TAG["BlackLevelRepeatDim"]: (FieldType.SHORT, [1, 1]),
         TAG["BlackLevel"]: (FieldType.SHORT, [0] * 3),
@@ -139,10 +133,11 @@ def linear_dng(
         height, width = _tile(shape[:2])
         fields[TAG["TileWidth"]] = FieldType.LONG, [width]
         fields[TAG["TileLength"]] = FieldType.LONG, [height]
-    raw, digest = Directory(fields, strips=tiles), md5(b"".join(digests))
+    raw, digest = Directory(fields, strips=tiles), container.md5(b"".join(digests))
     shown = development.shown
-    main = main_directory(preview, development.noted, f"{MAKER} render", raw, digest)
+    main = container.main_directory(preview, development.noted, f"{MAKER} render", raw, digest)
     main.fields |= colour_fields(shown.space.to_xyz @ np.array(shown.matrix), shown.white)
-    main.fields[TAG["RawDataUniqueID"]] = FieldType.BYTE, picture_id(shape, digest).encode()
+    identity = container.picture_id(shape, digest).encode()
+    main.fields[TAG["RawDataUniqueID"]] = FieldType.BYTE, identity
     main.fields[TAG["BaselineExposure"]] = FieldType.SRATIONAL, [0.0]
     return main

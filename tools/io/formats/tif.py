@@ -40,9 +40,8 @@ class Tiff(Format):
         rgb, shape = development.channels == "RGB", (*development.written_shape, channels)
         compression = _LZW if bits == 8 else Compression.NONE
         directory = development.directory
-        directory.fields |= picture_fields(
-            shape, bits, compression, _RGB if rgb else _BLACK_IS_ZERO
-        )
+        colours = _RGB if rgb else _BLACK_IS_ZERO
+        directory.fields |= picture_fields(shape, bits, compression, colours)
         sample = _FLOAT if bits == 32 else _UNSIGNED
         directory.fields[TAG["SampleFormat"]] = FieldType.SHORT, [sample] * channels
         directory.fields[TAG["RowsPerStrip"]] = FieldType.LONG, [_STRIP_ROWS]
