@@ -238,10 +238,9 @@ def layout_of(options: SourceOptions) -> tuple[FrameLayout, int]:
     if width is None or height is None or pixel_format is None:
         names = ("width", "height", "pixel_format")
         missing = ", ".join(f"`{name}`" for name in names if getattr(options, name) is None)
-        raise InputError(
-            f"{options.source}: frames have no header; describe them with {missing} (and "
-            "`stride`). rpicam-raw prints these values when it starts"
-        )
+        remedy = f"describe them with {missing} (and `stride`)"
+        hint = "rpicam-raw prints these values when it starts"
+        raise InputError(f"{options.source}: frames have no header; {remedy}. {hint}")
     name, bits = format_named(pixel_format)
     return FrameLayout(width, height, name, options.stride), bits
 

@@ -16,7 +16,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from itertools import combinations, product
+from itertools import combinations, compress, product
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -217,11 +218,9 @@ class _Folds:
     """
 
     def __init__(self, codes: CodeArray, windows: int) -> None:
-        self.periods = [
-            period
-            for period in _PERIODS
-            if np.prod([size // self._side(period) for size in codes.shape]) >= _FEW
-        ]
+        counts = (prod(size // self._side(period) for size in codes.shape) for period in _PERIODS)
+        many = (count >= _FEW for count in counts)
+        self.periods = list(compress(_PERIODS, many))
         self._windows = cache(lambda side: Windows.of(codes, side, windows))
         self._flat = cache(lambda side, window: self._windows(side).flattened(window))
 
@@ -250,11 +249,8 @@ def _find_period(folds: _Folds) -> tuple[int, float] | None:
     if none is certain.
     """
     energies = {period: _common(folds.quarters(period)) for period in folds.periods}
-    certain = [
-        period
-        for period, energy in energies.items()
-        if _errors(energy) > _CERTAIN and energy.mean() > _LEAST_ENERGY
-    ]
+    strong = [period for period in energies if energies[period].mean() > _LEAST_ENERGY]
+    certain = [period for period in strong if _errors(energies[period]) > _CERTAIN]
     if not certain:
         return None
     likely = max(certain, key=lambda period: float(energies[period].mean()))
@@ -330,11 +326,8 @@ def _known_tiles(levels: DoubleArray, clear: BoolArray) -> list[tuple[str, Lette
     levels: (windows, K K), mean of each window at each site.
     """
     period, number = len(clear), int(clear.sum())
-    rows_of = [
-        (name, letters.split("/"))
-        for name, letters in (TILES | DENSE | dict(zip(COMPARED, COMPARED, strict=True))).items()
-        if name not in ("paper", *CLEAR)
-    ]
+    known = TILES | DENSE | dict(zip(COMPARED, COMPARED, strict=True))
+    rows_of = [(name, known[name].split("/")) for name in known if name not in ("paper", *CLEAR)]
     if period in PERIODS and number == period**2 - 4:
         blocks = [CfaPattern.bayer(period, order).tile for order in ("RGGB", "GRBG")]
         rows_of += [(name_of(blocks[0]), [*tile]) for tile in blocks]
@@ -346,9 +339,8 @@ def _known_tiles(levels: DoubleArray, clear: BoolArray) -> list[tuple[str, Lette
             tile = np.roll([[*row] for row in rows], step, (0, 1))
             kinds = [tile.ravel() == letter for letter in _THREE_COLOURS]
             equal = len({*map(np.count_nonzero, kinds)}) == 1
-            if np.array_equal(tile == PANCHROMATIC, clear) and not (
-                equal and _resemblance(levels, kinds).argmin()
-            ):
+            fits = np.array_equal(tile == PANCHROMATIC, clear)
+            if fits and not (equal and _resemblance(levels, kinds).argmin()):
                 tiles.append((name, tile))
     return tiles
 
@@ -390,9 +382,8 @@ def _sees_all_light(levels: DoubleArray, sites: BoolArray) -> bool:
     """
     these, others = levels[:, sites].mean(axis=1), levels[:, ~sites]
     beyond = (others.max(axis=1) - these).max()
-    return bool(
-        these.std() > _ALL_LIGHT * others.mean(axis=1).std() and beyond < _BEYOND * np.ptp(these)
-    )
+    changes_more = these.std() > _ALL_LIGHT * others.mean(axis=1).std()
+    return bool(changes_more and beyond < _BEYOND * np.ptp(these))
 
 
 def _join_sites(quarters: DoubleArray, light: DoubleArray, levels: DoubleArray) -> Letters:
@@ -437,9 +428,8 @@ def _separation(quarters: DoubleArray, letters: Letters, sure: bool) -> float:
 
     sure: 0 unless that is certain.
     """
-    kinds = (
-        quarters[..., letters == letter].mean(axis=2, keepdims=True) for letter in _colours(letters)
-    )
+    of_colours = (quarters[..., letters == letter] for letter in _colours(letters))
+    kinds = (samples.mean(axis=2, keepdims=True) for samples in of_colours)
     energies = (_energy(first - second) for first, second in combinations(kinds, 2))
     apart = min(energies, key=lambda energy: float(energy.mean()))
     if sure and _errors(apart) < _SURE:

@@ -185,10 +185,8 @@ class _Handler(SimpleHTTPRequestHandler):
         if not super().parse_request():
             return False
         if not (ours := _is_own(self.headers.get("Host", ""), self.server.hosts)):
-            advice = (
-                "ask for the camera by its address or its own name, or start `panchroma "
-                "view --host NAME` with this one"
-            )
+            start = "start `panchroma view --host NAME` with this one"
+            advice = f"ask for the camera by its address or its own name, or {start}"
             self._refuse(HTTPStatus.MISDIRECTED_REQUEST, advice)
         return ours
 

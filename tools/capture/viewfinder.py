@@ -98,7 +98,8 @@ class Viewfinder:
         frame : RawFrame
             The frame that it shows.
         """
-        jpeg = encode_view(picture)
+        options: Any = {"level": _QUALITY, "subsampling": "420"}
+        jpeg = bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), **options))
         clipped = float((mosaic.codes[::_ROWS] >= mosaic.calibration.white_level).mean())
         now = monotonic()
         with self._changed:
@@ -174,12 +175,6 @@ class Viewfinder:
             self._changed.notify_all()
         with self._shooting:
             pass
-
-
-def encode_view(picture: ByteArray) -> bytes:
-    """Return a picture, uint8 sRGB (h, w, 3), as a JPEG file."""
-    options: Any = {"level": _QUALITY, "subsampling": "420"}
-    return bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), **options))
 
 
 def fitting_scale(width: int, pattern: CfaPattern) -> int:
