@@ -93,10 +93,9 @@ def series(sources: Sequence[Source]) -> list[str]:
         bursts.setdefault(path.with_name(stem), []).append((number, str(path)))
     if len(bursts) > 1:
         firsts = ", ".join(min(frames)[1] for frames in list(bursts.values())[:_NAMED])
-        raise InputError(
-            "expected the frames of one burst, STEM-1.dng, STEM-2.dng ..., found those of "
-            f"{len(bursts)}: {firsts}; name the files of one"
-        )
+        expected = "expected the frames of one burst, STEM-1.dng, STEM-2.dng ..."
+        found = f"found those of {len(bursts)}: {firsts}"
+        raise InputError(f"{expected}, {found}; name the files of one")
     return names + [name for frames in bursts.values() for _, name in sorted(frames)]
 
 
@@ -229,13 +228,10 @@ class BurstSubject(Subject):
 
         if self.count > 1:
             is_fixed = self._order.reference is not None or self._order.shifts
-            merged = merge_burst(
-                [cast(Mosaic, frame.mosaic) for frame in self._used],
-                self.settings,
-                progress,
-                reference=self._used.index(self._reference) if is_fixed else None,
-                motions=self._motions() if self._order.shifts else None,
-            )
+            index = self._used.index(self._reference) if is_fixed else None
+            motions = self._motions() if self._order.shifts else None
+            mosaics = [cast(Mosaic, frame.mosaic) for frame in self._used]
+            merged = merge_burst(mosaics, self.settings, progress, reference=index, motions=motions)
             self._reference, self._merged = self._used[merged.reference], merged
             for frame, judged in zip(self._used, merged.frames, strict=True):
                 frame.judged, frame.reason = judged, judged.reason
@@ -249,10 +245,9 @@ class BurstSubject(Subject):
         gains = {f.name: f.judged.gain for f in self._used if f.judged and not f.reason}
         brightest = max(gains, key=gains.__getitem__, default=name)
         if (stops := log2(gains.get(brightest, 1))) > 1 and self._order.reference is None:
-            self._note(
-                f"{name} is the reference, and the picture as dark: {stops:.1f} stops darker than "
-                f"{brightest}; name that as `reference`, or brighten what is shown by `exposure`"
-            )
+            dark = f"the picture as dark: {stops:.1f} stops darker than {brightest}"
+            remedy = "name that as `reference`, or brighten what is shown by `exposure`"
+            self._note(f"{name} is the reference, and {dark}; {remedy}")
         self.words = f"{self._left} of {len(self.frames)} frames, reference {name}, "
 
     def bands(self, progress: Progress) -> Iterator[FloatArray]:

@@ -56,10 +56,9 @@ class WhiteBalance:
         if is_place and max(multipliers) >= GREY_BOX // 2:
             return cls("", multipliers, (int(multipliers[0]), int(multipliers[1])))
         if len(multipliers) < 2 or not _are_multipliers(multipliers):
-            raise InputError(
-                f"`wb` is {requested!r}, expected {_CAMERA}, {_AUTO}, the place X,Y of a grey, or "
-                f"multipliers R,G,B such as 2.1,1,1.6, between {1 / _MOST_WB:g} and {_MOST_WB:g}"
-            )
+            limits = f"between {1 / _MOST_WB:g} and {_MOST_WB:g}"
+            known = f"{_CAMERA}, {_AUTO}, the place X,Y of a grey, or multipliers R,G,B"
+            raise InputError(f"`wb` is {requested!r}, expected {known} such as 2.1,1,1.6, {limits}")
         return cls("", tuple(multiplier / min(multipliers) for multiplier in multipliers))
 
     def check(self, kind: PictureKind) -> None:
@@ -92,10 +91,8 @@ class WhiteBalance:
 
     def _grey_at(self, mosaic: Mosaic, x: int, y: int) -> Mosaic:
         """Return the mosaic, balanced for a grey at this place of the upright picture."""
-        rows, columns = (
-            upright(np.broadcast_to(place, mosaic.shape), mosaic.metadata.orientation)
-            for place in np.ogrid[: mosaic.shape[0], : mosaic.shape[1]]
-        )
+        places, turn = np.indices(mosaic.shape, sparse=True), mosaic.metadata.orientation
+        rows, columns = (upright(np.broadcast_to(place, mosaic.shape), turn) for place in places)
         height, width = rows.shape
         reach = GREY_BOX // 2
         if not (reach <= y < height - reach and reach <= x < width - reach):

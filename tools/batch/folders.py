@@ -161,14 +161,9 @@ def search(
         else:
             result.walk(name, endings, results, set_aside)
     result.sources[:] = once(result.sources)
-    inside = (
-        folder
-        for folder in result.others
-        for _, _, files in os.walk(folder)
-        for file in files
-        if Path(file).suffix.lower() in endings
-    )
-    folders = Counter(islice(inside, _COUNTED))
+    walks = ((folder, files) for folder in result.others for _, _, files in os.walk(folder))
+    inside = ((folder, Path(file).suffix.lower()) for folder, files in walks for file in files)
+    folders = Counter(islice((folder for folder, end in inside if end in endings), _COUNTED))
     if total := folders.total():
         number = f"{total}{' or more' * (total == _COUNTED)} file{'s' * (total > 1)}"
         where = f"{_listed(list(folders), 'folders')}, hidden or of other programs"

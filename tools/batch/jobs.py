@@ -153,22 +153,22 @@ def run_jobs(
     console: Console,
     *,
     overwrite: bool = False,
-    listen: Callable[[Job], StageProgress] | None = None,
+    show: Callable[[str], StageProgress] | None = None,
     threads: int = 1,
 ) -> int:
     """Do each job that would replace nothing that must stay. A job that fails costs one line, and
     the others go on.
 
-    Returns the exit code, 0 or 1. overwrite: results that exist may be replaced. listen: makes the
-    listener of a job; None = one that shows only notes. threads: in which jobs are done at a time;
-    with several there are only notes.
+    Returns the exit code, 0 or 1. overwrite: results that exist may be replaced. show: makes the
+    listener of a source; None = one that shows only notes. threads: in which jobs are done at a
+    time; with several there are only notes.
     """
     possible = possible_jobs(jobs, console, overwrite=overwrite)
-    listen = listen or (lambda _: StageProgress(note=console.note))
+    show = show or (lambda _: StageProgress(note=console.note))
     if threads > 1:
         results = in_threads(work, possible, threads, console.note)
     else:
-        results = one_by_one(work, possible, listen)
+        results = one_by_one(work, possible, lambda job: show(job.source))
     states = do_jobs(results, console)
     return FAILED if len(possible) < len(jobs) else exit_code(states)
 

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 Keep = Callable[[Path], dict[str, Any]]
 """Returns the arguments `overwrite` and `on_complete` of `durable_file` for one output."""
+Writing = Callable[[Job, StageProgress, Keep], Outcome]
+"""Does a job: writes each output as `durable_file` does, with the arguments that `Keep` returns."""
 
 
 class Subject:
@@ -224,10 +226,9 @@ class Order(Run):
 
     def development(self, mosaic: Mosaic) -> Development:
         """Conversion of a rendering of this mosaic to a picture."""
+        sensor = mosaic.calibration, mosaic.metadata
         restored = self.settings.highlights.restored
-        return Development(
-            self.kind, mosaic.shape, mosaic.calibration, mosaic.metadata, self.exposure, restored
-        )
+        return Development(self.kind, mosaic.shape, *sensor, self.exposure, restored)
 
     def key(self, output: Path, source_digest: str) -> str:
         """Digest of everything that a picture depends on. Orders with equal keys make equal
@@ -334,15 +335,10 @@ def _make(order: Order, memory: int, processes: int, job: Job, listener: StagePr
         # stays would wait for ever for a thread whose start is interrupted.
         with ThreadPoolExecutor(1) as pool:
             made = order, job, output, source_digest
+            how: dict[str, Any] = {"overwrite": existing.replace, "threads": threads()}
+            how["on_complete"] = lambda whole: pool.submit(_note_in_journal, *made, whole).result
             bands = _whitened(subject.bands(listener), subject.lost, development, listener)
-            write_picture(
-                output,
-                bands,
-                development,
-                overwrite=existing.replace,
-                on_complete=lambda partial: pool.submit(_note_in_journal, *made, partial).result,
-                threads=threads(),
-            )
+            write_picture(output, bands, development, **how)
         _note_stamp(order, output, f"{stamp} {_stamp([output])}")
     from ...offline import network_name
 
@@ -385,16 +381,8 @@ def _whitened(
     listener.stage("writing", 1)
 
 
-def kept(
-    run: FileRun,
-    work: Callable[[Job, StageProgress, Keep], Outcome],
-    job: Job,
-    listener: StageProgress,
-) -> Outcome:
-    """Do a job, unless its files are all up to date; what is written is noted in the journal.
-
-    work: writes each output as `durable_file` does, with the arguments that `Keep` returns for it.
-    """
+def kept(run: FileRun, work: Writing, job: Job, listener: StageProgress) -> Outcome:
+    """Do a job, unless its files are all up to date; what is written is noted in the journal."""
     with _in_turn(run, job):
         source = _digest(job) or key(drawn=job.source)
         found = {output: _existing(run, job, output, source) for output in job.outputs}

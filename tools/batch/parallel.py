@@ -31,13 +31,8 @@ Function = Callable[[P, "StageProgress"], R]
 Results = Iterator[tuple[P, R | Exception]]
 """(item, what the function returned, or the exception that it raised)."""
 
-THREAD_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "PANCHROMA_THREADS",
-    "OPENCV_FOR_THREADS_NUM",
-)
+_OF_LIBRARIES = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
+THREAD_VARIABLES = (*_OF_LIBRARIES, "OPENCV_FOR_THREADS_NUM", "PANCHROMA_THREADS")
 """Environment variables that numerical libraries read when they are loaded."""
 _ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 _AHEAD = 1000  # calls submitted at a time: there may be a million items
@@ -114,9 +109,8 @@ def in_processes(
     try:
         Path.cwd()  # where processes begin
     except OSError:
-        raise InputError(
-            "the current folder is gone, or not to be read; change to another one"
-        ) from None
+        gone = "the current folder is gone, or not to be read"
+        raise InputError(f"{gone}; change to another one") from None
     before, spawn = set(multiprocessing.active_children()), _SafeSpawn()
     pools: list[ProcessPool] = []  # the last one is at work
     settings = {"initializer": _begin, "initargs": (threads, LOG.getEffectiveLevel())}
@@ -247,11 +241,8 @@ def _call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]
     from ...shared.errors import PanchromaError
     from .progress import StageProgress
 
-    notes: list[str] = []
-    with (
-        shown_by(notes.append, LOG.getEffectiveLevel()),
-        StageProgress(str(item), notes.append) as listener,
-    ):
+    notes, level = list[str](), LOG.getEffectiveLevel()
+    with shown_by(notes.append, level), StageProgress(str(item), notes.append) as listener:
         result = _result_or_error(function, item, listener)
     if isinstance(result, Exception):
         trace = traceback_of(result)

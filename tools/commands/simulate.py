@@ -154,15 +154,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             facts["reference"] = str(shots[0])
         return Outcome(facts, tuple(f"{shot}: {size}" for shot in shots))
 
-    def listen(job: Job) -> StageProgress:
-        return console.progress(job.source)
-
     scenes = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn, set_aside=set_aside)
     searched = scenes.report(console)
     notes: list[tuple[str, tuple[str, ...]]] = []
     jobs = plan(scenes.sources, names, folder, dry_run=run.dry_run)
     settings = {"overwrite": run.may_replace, "threads": arguments.jobs}
-    code = run_jobs(jobs, partial(kept, run, work), console, listen=listen, **settings)
+    code = run_jobs(jobs, partial(kept, run, work), console, show=console.progress, **settings)
     console.notes(notes)
     return code if searched else FAILED
 
