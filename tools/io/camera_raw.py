@@ -25,7 +25,6 @@ from ...shared.dng.exif import WANTED, printable
 from ...shared.dng.tags import TAG, Photometric, tags_of
 from ...shared.lights import between, illuminant_xy, mixed, share_of
 from ...shared.pattern import BAYER_ORDERS
-from ...shared.reading import MAX_PIXELS
 from ...shared.tiff_reading import StoredDirectories, StoredField, StoredFields, read_directories
 from ...shared.white_balance import clipped_share, normalised, shades_of_grey
 from .clipped import SHOULDER, saturation, with_white_highlights
@@ -50,9 +49,11 @@ _EXPECTED = "CR2, NEF, ARW, DNG, ... or TIFF, PNG, JPEG, EXR, NPY"
 NO_RAW = f"neither a picture nor a camera RAW {{}}; expected {_EXPECTED}"
 # LibRaw's flip -> TIFF's orientation
 _ORIENTATIONS = {0: 1, 1: 2, 2: 4, 3: 3, 4: 5, 5: 8, 6: 6, 7: 7}
+Quads = tuple[FloatArray, FloatArray]
+"""One pixel per quad, (H, W, 3), scene units; and how far each sample is clipped, alike."""
 
 
-def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS, *, registered: bool = True) -> Scene:
+def camera_raw_scene(path: Path, max_pixels: int, *, registered: bool) -> Scene:
     """Read the scene in a Bayer RAW (CR2, CRW, NEF, ARW, DNG, ...) at half its width and height.
 
     The scene is neither rotated nor white-balanced. rgb is (sample - black) / (white - black) of
@@ -76,7 +77,7 @@ def camera_raw_scene(path: Path, max_pixels: int = MAX_PIXELS, *, registered: bo
     return camera_scene(path, rgb, gone, facts)
 
 
-def camera_raw_samples(path: Path, max_pixels: int = MAX_PIXELS) -> CodeArray:
+def camera_raw_samples(path: Path, max_pixels: int) -> CodeArray:
     """Read the samples of the visible area of any RAW with one sample per pixel, whatever its
     filters: uint16 (H, W).
 
@@ -178,9 +179,7 @@ def _black_deltas(path: Path, shape: tuple[int, ...]) -> tuple[FloatArray, Float
     return deltas[0], deltas[1].T
 
 
-def _quads(
-    samples: CodeArray, facts: Facts, deltas: tuple[FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray]:
+def _quads(samples: CodeArray, facts: Facts, deltas: tuple[FloatArray, FloatArray]) -> Quads:
     """Return the samples of a RAW, one pixel per quad: (H // 2, W // 2, 3), scene units; and how
     far each is clipped.
 
@@ -210,9 +209,7 @@ def _quads(
     return np.maximum(rgb, 0, out=rgb), gone
 
 
-def register_quads(
-    rgb: FloatArray, gone: FloatArray, facts: Facts
-) -> tuple[FloatArray, FloatArray]:
+def register_quads(rgb: FloatArray, gone: FloatArray, facts: Facts) -> Quads:
     """Return the light of quads, (H, W, 3), with red and blue at the middle of each quad; and how
     far each is clipped.
 

@@ -39,9 +39,7 @@ class Jpeg(Format):
         file.write(baseline_jpeg(codes, quality, segments))
 
 
-def encode_jpeg(
-    codes: NDArray[Any], metadata: CaptureMetadata, quality: int | None = None
-) -> bytes:
+def encode_jpeg(codes: NDArray[Any], metadata: CaptureMetadata, quality: int | None) -> bytes:
     """Return a JPEG of uint8 RGB (H, W, 3), sRGB, without a profile.
 
     Raises InputError for another quality, and if a side exceeds 65500 pixels, or the capture data
@@ -51,7 +49,7 @@ def encode_jpeg(
     ----------
     metadata : CaptureMetadata
         Capture data; its orientation is noted, the picture is not turned.
-    quality : int | None, optional
+    quality : int | None
         1 to 100; None = 95.
     """
     segments = jpeg_segments(picture_directory(metadata, srgb=True), codes.shape)
