@@ -47,13 +47,11 @@ def check_memory(
     need = needed_memory(mosaic, kind, settings, frames)
     if need <= limit:
         return
-    rows, columns = mosaic.shape
-    burst = f"{frames} frames of " if frames > 1 else ""
+    (rows, columns), burst = mosaic.shape, f"{frames} frames of " if frames > 1 else ""
     enough = format_bytes(need).replace(" ", "").removesuffix("B")
-    raise InputError(
-        f"{burst}{columns} x {rows} pixels as {kind.format} need {format_bytes(need)} of memory, "
-        f'{format_bytes(limit)} are allowed; set `max_memory="{enough}"` if the machine has as much'
-    )
+    memory = f"{format_bytes(need)} of memory, {format_bytes(limit)} are allowed"
+    needs = f"{burst}{columns} x {rows} pixels as {kind.format} need {memory}"
+    raise InputError(f'{needs}; set `max_memory="{enough}"` if the machine has as much')
 
 
 def check_light(mosaic: Mosaic, settings: "RenderSettings") -> None:

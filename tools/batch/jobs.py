@@ -222,9 +222,8 @@ def do_jobs(results: Results[Job, Outcome], console: Console) -> Counter[State]:
 def counted(states: Counter[State]) -> str:
     """The states of jobs in words, for example "3 made, 1 failed"."""
     order: tuple[State, ...] = ("made", *_WORDS, "failed")  # "nothing" has been said
-    return ", ".join(
-        f"{states[state]} {_WORDS.get(state, state)}" for state in order if states[state]
-    )
+    found = [state for state in order if states[state]]
+    return ", ".join(f"{states[state]} {_WORDS.get(state, state)}" for state in found)
 
 
 def _report(job: Job, result: Outcome | Exception, console: Console) -> State:

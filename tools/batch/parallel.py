@@ -65,10 +65,10 @@ def in_threads(
     from ..io.ahead import ahead
     from .progress import StageProgress
 
-    results = ahead(
-        lambda item: _result_or_error(function, item, StageProgress(note=note)), items, count
-    )
-    yield from zip(items, results, strict=True)
+    def call(item: P) -> R | Exception:
+        return _result_or_error(function, item, StageProgress(note=note))
+
+    yield from zip(items, ahead(call, items, count), strict=True)
 
 
 @contextmanager

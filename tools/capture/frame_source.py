@@ -257,11 +257,10 @@ def _check_size(source: str, camera: Camera | None, layout: FrameLayout) -> None
     try:
         replace(camera, size=camera.size or size).check_size(shape)
     except InputError as error:
-        raise InputError(
-            f"{source}: {error}; give the right `width`, `height` and `stride`, or, if this is a "
-            "window of the sensor or another mode of it, measure a camera file for it, or take a "
-            'copy of this one without "size", "shading" and "defects"'
-        ) from None
+        other = "a window of the sensor or another mode of it, measure a camera file for it"
+        copy = 'take a copy of this one without "size", "shading" and "defects"'
+        remedy = f"give the right `width`, `height` and `stride`, or, if this is {other}, or {copy}"
+        raise InputError(f"{source}: {error}; {remedy}") from None
 
 
 def _described(

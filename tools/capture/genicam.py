@@ -21,10 +21,8 @@ from ..simulation.pattern_text import read_pattern
 GENICAM = "genicam:"
 # where python3-gi is; a virtual environment does not look there
 _DEBIAN = "/usr/lib/python3/dist-packages"
-_INSTALL = (
-    "apt-get install gir1.2-aravis-0.8 python3-gi (and make the virtual environment with "
-    "the system's own Python: /usr/bin/python3)"
-)
+_PYTHON = "make the virtual environment with the system's own Python: /usr/bin/python3"
+_INSTALL = f"apt-get install gir1.2-aravis-0.8 python3-gi (and {_PYTHON})"
 # frames that Aravis may fill meanwhile; a frame is copied, and its buffer given back, as soon as it
 # is there
 _BUFFERS = 4

@@ -119,10 +119,9 @@ def _check_limits(frames: int, source: FrameSource) -> None:
     needed = (frames + 1) * max(layout.frame_bytes, 2 * layout.width * layout.height)
     free = allowed_memory(None)
     if needed > free:
-        raise InputError(
-            f"--burst is {frames}: that many frames of {layout.width} x {layout.height} need "
-            f"{format_bytes(needed)} of memory, {format_bytes(free)} can be used; take fewer"
-        )
+        many = f"that many frames of {layout.width} x {layout.height}"
+        memory = f"{format_bytes(needed)} of memory, {format_bytes(free)} can be used"
+        raise InputError(f"--burst is {frames}: {many} need {memory}; take fewer")
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     if limit != resource.RLIM_INFINITY and frames + _OTHER_FILES > limit:
         files = f"--burst is {frames}, and a program may open {limit} files here"

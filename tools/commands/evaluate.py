@@ -47,11 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(light, "sigma", "light", type=numbers(example="0,0.01"))
     add(light, "linear")
     what = parser.add_argument_group("what is compared: one or several, with commas")
-    patterns = (
-        "patterns of filters, compared under the same light: K=4 (the paper's in 4 x 4 pixels), a "
-        f"name ({TILE_NAMES}), letters of a tile such as WBWG/BWGW/WGWR/GWRW, or a file; C, M and "
-        "Y are made of red, green and blue (default: K=6)"
-    )
+    letters = "letters of a tile such as WBWG/BWGW/WGWR/GWRW, or a file"
+    known = f"K=4 (the paper's in 4 x 4 pixels), a name ({TILE_NAMES}), {letters}"
+    made = "C, M and Y are made of red, green and blue"
+    patterns = f"patterns of filters, compared under the same light: {known}; {made} (default: K=6)"
     usual = ["K=6"]
     what.add_argument("--pattern", metavar="PATTERN,...", type=names, default=usual, help=patterns)
     own = "yours by FILE.py:FUNCTION or MODULE:FUNCTION, which makes a picture of a Mosaic"

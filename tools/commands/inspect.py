@@ -167,11 +167,8 @@ def _calibration(calibration: SensorCalibration) -> dict[str, str]:
 
 def _capture(metadata: CaptureMetadata) -> dict[str, str]:
     """Rows for the known capture data, with units."""
-    rows = {
-        name.replace("_", " "): f"{value}{_UNITS.get(name, '')}"
-        for name, value in vars(metadata).items()
-        if value is not None
-    }
+    known = [(name, value) for name, value in vars(metadata).items() if value is not None]
+    rows = {name.replace("_", " "): f"{value}{_UNITS.get(name, '')}" for name, value in known}
     if metadata.exposure_time and metadata.exposure_time < 0.4:
         rows["exposure time"] = f"1/{1 / metadata.exposure_time:.0f} s"
     return rows

@@ -101,17 +101,15 @@ def _switch(names: str, about: str) -> Option:
 
 
 TILE_NAMES = ", ".join(map(str.casefold, TILES))
-_PATTERN = (
-    "the filters of the sensor: K=4 (the paper's Bayer block in 4 x 4 pixels), a name "
-    f"({TILE_NAMES}), the letters of a tile, row by row, W is panchromatic (WBWG/BWGW/WGWR/GWRW), "
-    "or a file with them, one row on each line (default: K=6, or the camera's)"
-)
+_NAMED = f"K=4 (the paper's Bayer block in 4 x 4 pixels), a name ({TILE_NAMES})"
+_LETTERS = "the letters of a tile, row by row, W is panchromatic (WBWG/BWGW/WGWR/GWRW)"
+_IN_FILE = "a file with them, one row on each line (default: K=6, or the camera's)"
+_PATTERN = f"the filters of the sensor: {_NAMED}, {_LETTERS}, or {_IN_FILE}"
 _CAMERA = "camera.json: the calibration of the sensor"
 _RECALIBRATED = f"{_CAMERA}, in place of the one in the shots"
-_CHANNELS = (
-    "letters of the channels of the picture, one of which may have no filter: it is what W sees "
-    "beyond the others (default: RGB where the filters are two of these)"
-)
+_DERIVED = "one of which may have no filter: it is what W sees beyond the others"
+_USUAL = "RGB where the filters are two of these"
+_CHANNELS = f"letters of the channels of the picture, {_DERIVED} (default: {_USUAL})"
 _ORIGIN = "position of the first block (default: 0,0)"
 _SIGMA = "additive Gaussian noise: its standard deviation, scene units"
 _LIGHT = "shot and read noise: amount of light, 1 is a full exposure, 2 is one stop more"

@@ -55,10 +55,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     folder = "folder for shots, created if missing; without it there is no button"
     add(parser, "output", required=False, help=folder)
     usual, address = f"{_HOST}:{_PORT}", "ADDRESS:PORT"
-    interface = (
-        f"network interface that serves the page, and port, 0 for any free one (default: {usual}, "
-        "for this machine alone; 0.0.0.0 for everybody on the network)"
-    )
+    reach = "for this machine alone; 0.0.0.0 for everybody on the network"
+    serves = "network interface that serves the page, and port, 0 for any free one"
+    interface = f"{serves} (default: {usual}, {reach})"
     parser.add_argument("--bind", metavar=address, type=_address, default=usual, help=interface)
     others = "beside its addresses and own names, or that of a proxy"
     name = f"name of this machine that browsers may ask for, {others}; repeat it for more"

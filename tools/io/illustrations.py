@@ -48,10 +48,8 @@ def overview(mosaic: Mosaic, luminance: FloatArray, rgb: FloatArray, corner: Cro
     """
     rows, columns = (slice(start, start + _PANEL_PIXELS) for start in corner)
     white = float(np.quantile(luminance[rows, columns], 0.98))  # as bright as paper
-    signal, filled = (
-        np.repeat(plane[rows, columns, None] / white, 3, axis=2)
-        for plane in (mosaic.signal, luminance)
-    )
+    both = mosaic.signal, luminance
+    signal, filled = (np.repeat(plane[rows, columns, None] / white, 3, axis=2) for plane in both)
     pattern = mosaic.pattern
     planes = pattern.filter_map(mosaic.shape)[rows, columns]
     tints = np.array([_FILTERS[letter] for letter in pattern.planes], np.float32) / 255

@@ -37,10 +37,8 @@ class PictureKind(FileKind):
             raise InputError(f"the quality is {self.quality}, but {plain}; use {lossy}")
         if self.bits not in kept_as.spaces.get(self.space, ()):
             requested = f"{self.space} with {self.bits or 'any'} bits"
-            listed = ", ".join(
-                f"{space} with {' or '.join(map(str, sorted(bits)))} bits"
-                for space, bits in kept_as.spaces.items()
-            )
+            spaces = ((space, map(str, sorted(bits))) for space, bits in kept_as.spaces.items())
+            listed = ", ".join(f"{space} with {' or '.join(bits)} bits" for space, bits in spaces)
             raise InputError(f"{self.format} does not hold {requested}; it holds {listed}")
 
     @classmethod
