@@ -212,11 +212,7 @@ def _joined(place: str, name: str) -> str:
 
 
 def plan(
-    sources: Sequence[Source],
-    names: Callable[[str], Sequence[str]],
-    folder: Path,
-    *,
-    dry_run: bool = False,
+    sources: Sequence[Source], names: Callable[[str], Sequence[str]], folder: Path, *, dry_run: bool
 ) -> list[Job]:
     """One job per source, with outputs in `folder`, below which subfolders of a searched folder are
     mirrored, under the names that `names(source.name)` returns.

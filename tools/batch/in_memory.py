@@ -33,10 +33,7 @@ def note_once(text: str) -> None:
 
 
 def render_array(
-    mosaic: Mosaic,
-    settings: "RenderSettings",
-    stages: "Stages | None" = None,
-    max_memory: int | str | None = None,
+    mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | None", memory: int | str | None
 ) -> tuple[FloatArray, ByteArray | None]:
     """The picture, float32 (H, W, C), scene units, and where the shot does not tell what the light
     was (`offline.Rendering.lost`).
@@ -45,12 +42,12 @@ def render_array(
 
     stages: makes the list of stages in rows, as `offline.render` takes it; None =
     `offline.row_stages`. Raises InputError for a shot that is all black, or all saturated, and for
-    one that needs more than `max_memory` (see `allowed_memory`).
+    one that needs more than `memory` (see `allowed_memory`).
     """
     from ...offline import colour_bands, measure, row_stages
 
     check_light(mosaic, settings)
-    check_memory(mosaic, _AS_ARRAY, settings, allowed_memory(max_memory))
+    check_memory(mosaic, _AS_ARRAY, settings, allowed_memory(memory))
     with StageProgress(note=note_once) as progress, announced_compilation(progress):
         measured = measure(mosaic, settings, progress)
         bands = colour_bands(measured, settings, progress, row_stages if stages is None else stages)

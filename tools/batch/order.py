@@ -368,15 +368,12 @@ def _assumptions(mosaic: Mosaic, has_white_balance: bool) -> Iterator[str]:
 
 
 def _whitened(
-    bands: Iterable[FloatArray],
-    lost: ByteArray | None,
-    development: Development,
-    listener: StageProgress,
+    bands: Iterable[FloatArray], lost: ByteArray | None, shown: Development, listener: StageProgress
 ) -> Iterator[FloatArray]:
     """Yield the bands as the picture shows them. lost: where light is lost."""
     top = 0
     for band in bands:
-        yield development.whitened(band, None if lost is None else lost[top : top + len(band)])
+        yield shown.whitened(band, None if lost is None else lost[top : top + len(band)])
         top += len(band)
     listener.stage("writing", 1)
 

@@ -35,11 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(parser, "output", help="folder for STEM.EXT, created if missing")
     reference = "the frame that the picture shows (default: the first of the sharpest)"
     parser.add_argument("--reference", metavar="SHOT", help=reference)
-    shifts = (
-        "pixel shift: where the sensor was at each shot, in its pixels, columns to the right and "
-        "rows down: X,Y for each shot, with blanks between them; nothing is aligned then, and the "
-        "reference is the first shot by default"
-    )
+    place = "where the sensor was at each shot, in its pixels, columns to the right and rows down"
+    each = "X,Y for each shot, with blanks between them"
+    first = "nothing is aligned then, and the reference is the first shot by default"
+    shifts = f"pixel shift: {place}: {each}; {first}"
     parser.add_argument("--shifts", metavar='"X,Y X,Y ..."', type=_shifts, default=(), help=shifts)
     add_picture(parser, "best", "unlearned")
     add_run(parser)
@@ -62,6 +61,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     output = folder / f"{series_stem(names)}{suffix}"
     from_folder = all(source.from_folder for source in files.sources)
     job = Job(names[0], (output,), from_folder, tuple(names))
-    jobs = possible_jobs([job], console, overwrite=order.overwrite or order.resume)
+    jobs = possible_jobs([job], console, overwrite=order.may_replace)
     states = render_all(order, jobs, console, jobs=1, memory=arguments.max_memory)
     return exit_code(states) if jobs else FAILED

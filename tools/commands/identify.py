@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     jobs = [Job(source.name) for source in sources]
     if arguments.output is not None:
         folder = output_folder(arguments.output)
-        jobs = plan(sources, lambda name: [f"{Path(name).stem}-tile.png"], folder)
+        jobs = plan(sources, lambda name: [f"{Path(name).stem}-tile.png"], folder, dry_run=False)
     return run_jobs(jobs, work, console, overwrite=arguments.overwrite)
 
 

@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return [f"{Path(source).stem}{order.kind.suffix}"]
 
     planned = plan(files.sources, names, order.folder, dry_run=order.dry_run)
-    shots = possible_jobs(planned, console, overwrite=order.overwrite or order.resume)
+    shots = possible_jobs(planned, console, overwrite=order.may_replace)
     states = render_all(order, shots, console, jobs=arguments.jobs, memory=arguments.max_memory)
     states["failed"] += len(planned) - len(shots)
     if len(planned) > 1:

@@ -78,11 +78,10 @@ def run_limited(
     request = json.dumps((modules, seconds, most, *call))
     start = _START.format(root=str(Path(__file__).parents[3]), path=list(filter(None, sys.path)))
     line = [sys.executable, "-P", "-W", "ignore", "-c", start]
-    quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
     # MALLOC_ARENA_MAX: glibc reserves 64 MB for each thread otherwise.
-    with subprocess.Popen(
-        line, stdin=subprocess.PIPE, env={**os.environ, "MALLOC_ARENA_MAX": "1"}, **quiet
-    ) as process:  # type: ignore[call-overload]
+    variables = {**os.environ, "MALLOC_ARENA_MAX": "1"}
+    with subprocess.Popen(line, env=variables, **pipes) as process:  # type: ignore[call-overload]
         try:
             with suppress(BrokenPipeError), process.stdin as sending:
                 sending.write(request.encode())

@@ -34,7 +34,7 @@ def do(
 ) -> int:
     """Jobs that write their source's name; the exit code."""
     sources = [Source(str(name)) for name in names]
-    jobs = plan(sources, lambda source: [f"{Path(source).stem}.out"], folder)
+    jobs = plan(sources, lambda source: [f"{Path(source).stem}.out"], folder, dry_run=False)
     return run_jobs(jobs, work, Console(json=True), overwrite=overwrite)
 
 

@@ -193,9 +193,8 @@ def _multi_picture(sizes: tuple[int, int], place: int) -> bytes:
     """
     # counted, as the second picture's place, from the header behind the name
     table = 8 + 2 + 3 * 12 + 4
-    fields = struct.pack(
-        ">HHI4s HHII HHIII", 0xB000, 7, 4, b"0100", 0xB001, 4, 1, 2, 0xB002, 7, 2 * 16, table, 0
-    )
+    values = 0xB000, 7, 4, b"0100", 0xB001, 4, 1, 2, 0xB002, 7, 2 * 16, table, 0
+    fields = struct.pack(">HHI4s HHII HHIII", *values)
     length = 2 + 2 + len(_MPF) + table + 2 * 16
     first, second = sizes[0] + length, sizes[0] + length - place - 2 - 2 - len(_MPF)
     entries = struct.pack(">III4x III4x", _PRIMARY, first, 0, 0, sizes[1], second)
