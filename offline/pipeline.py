@@ -29,7 +29,7 @@ from .stages.defects import mend_defects
 from .stages.denoising import denoise_luminance
 from .stages.highlights import clipping_level, restore_highlights
 from .stages.luminance import recover_luminance
-from .stages.noise import with_noise_model
+from .stages.noise import rounding_noise, with_noise_model
 from .stages.pooling import pool_blocks
 from .stages.propagation import Propagation, apply_luminance
 from .stages.refinement import Refinement
@@ -245,11 +245,9 @@ def clean_frame(
     check_frames([mosaic], settings)
     # No name keeps the samples with their defects while highlights are restored, which needs the
     # most memory.
-    frame = mend_defects(
-        uncleaned(mosaic, with_noise_model(mosaic.evenly_shaded(), settings.noise)),
-        settings.defects,
-        progress,
-    )
+    rounding = rounding_noise(mosaic)
+    frame = uncleaned(mosaic, with_noise_model(mosaic.evenly_shaded(), settings.noise, rounding))
+    frame = mend_defects(frame, settings.defects, progress)
     return restore_highlights(frame, settings.highlights, progress)
 
 

@@ -20,7 +20,7 @@ from ..settings import RenderSettings
 from ..stages.defects import mend_defects
 from ..stages.highlights import restore_highlights
 from ..stages.luminance import recover_luminance
-from ..stages.noise import ROUNDING, NoiseSettings, estimate_noise
+from ..stages.noise import NoiseSettings, estimate_noise, rounding_noise
 from .agree import Reference, agreement, lit_evenly, shaded_alike, unclipped
 from .align import CLIPPED, TINY, View, align, with_exposure
 from .motion import Motion, displaced
@@ -367,8 +367,9 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
 
     A frame without a calibrated model has that of another frame. If none is calibrated, or all
     state no noise, frames of one sensitivity (ISO) share one estimate. No model states so little
-    noise that its frame would take all the weight, nor less than rounding to codes makes. Among
-    frames with different channels each has its own: all but those like the reference are left out.
+    noise that its frame would take all the weight. The noise of rounding to codes is added to
+    stated ones, and estimates are no less. Among frames with different channels each has its own:
+    all but those like the reference are left out.
     """
     if len({mosaic.pattern.channels for mosaic in mosaics}) > 1:
         return [model for mosaic in mosaics for model in noise_models([mosaic], settings)]
@@ -387,8 +388,9 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
     if not figures.any():  # they state that there is none
         return list(models)
     figures = np.maximum(figures, np.median(figures, axis=0) / _QUIETER)
-    rounding = [ROUNDING * np.square(mosaic.calibration.scale()) for mosaic in mosaics]
-    figures[:, 1] = np.maximum(figures[:, 1], rounding)
+    rounding = np.array(list(map(rounding_noise, mosaics)))
+    read = figures[:, 1]
+    figures[:, 1] = read + rounding if is_stated else np.maximum(read, rounding)
     return [NoiseModel(tuple(shot), tuple(np.sqrt(read))) for shot, read in figures.tolist()]
 
 

@@ -110,6 +110,7 @@ def _pile_up(mosaic: Mosaic, noise: NoiseModel) -> int | None:
     signal = ((code - calibration.black_level[-1]) * scale).astype(np.float32)
     spread = np.sqrt(noise.variance(signal)) / scale
     piled = (count > _PILED * below) & (spread > _SPREAD * step)
+    piled &= code < calibration.white_level
     piled &= (count > _SHARE * total) & (above < 2 * _SHARE * total) & (2 * signal > signal.max())
     return int(code[piled].max()) if piled.any() else None
 

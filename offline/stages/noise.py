@@ -50,20 +50,30 @@ _TEXTURED = 1.5  # times the variance of the line: a bin above it has no smooth 
 _ROUNDS = 4  # of leaving out such bins; two do as well
 
 
-def with_noise_model(mosaic: Mosaic, settings: NoiseSettings) -> Mosaic:
+def with_noise_model(mosaic: Mosaic, settings: NoiseSettings, rounding: DoubleArray) -> Mosaic:
     """The mosaic; if the settings ask for an estimate, with one where its calibration has no noise
-    model, and with the noise that rounding to codes adds to a stated one, or makes at least.
+    model, and with the noise of rounding added to a stated one; an estimate is no less.
+
+    rounding: see `rounding_noise`.
     """
     if not settings.estimate:
         return mosaic
-    noise, rounding = mosaic.calibration.noise, ROUNDING * np.square(mosaic.calibration.scale())
-    combined = np.add if noise else np.maximum
+    noise = stated = mosaic.calibration.noise
     if noise is None and (found := estimate_noise(mosaic)):
         noise = found.possible()
     if noise and any(noise.shot + noise.read):  # else it states that there is none
-        read = np.sqrt(combined(np.square(noise.read), rounding))
-        noise = replace(noise, read=tuple(read.tolist()))
+        square = np.square(noise.read)
+        read = np.sqrt(square + rounding if stated else np.maximum(square, rounding))
+        noise = replace(noise, read=tuple(read.tolist())).possible()
     return replace(mosaic, calibration=replace(mosaic.calibration, noise=noise))
+
+
+def rounding_noise(mosaic: Mosaic) -> DoubleArray:
+    """The variance that rounding to codes adds, scene units squared, of each plane; calibration
+    leaves it out. 0 of samples that are no codes.
+    """
+    rounded = mosaic.samples.dtype == np.uint16
+    return ROUNDING * rounded * np.square(mosaic.calibration.scale())
 
 
 def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:

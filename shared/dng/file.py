@@ -133,13 +133,14 @@ def read_preview(path: File) -> bytes:
 def _is_picture(dng: DngReader, foreign: str) -> bool:
     """Return True for a rendered picture, False for a mosaic.
 
-    Raises ForeignFileError, with the message `foreign`, for the DNG of another program, and
-    InputError for a file whose first directory has no DNGVersion, and for a mosaic without record.
+    Raises ForeignFileError, with the message `foreign`, for a file of another program, and
+    InputError for one whose first directory is not that of a picture, and for a mosaic without
+    record.
     """
     if is_record(dng.stored(TAG["DNGPrivateData"])):
         return False
-    if not dng.stored(TAG["DNGVersion"]):
-        raise damaged("its first directory, which a DNG begins with, is not there (DNGVersion)")
+    if not dng.stored(TAG["ImageWidth"]):
+        raise damaged("its first directory is not that of a picture (ImageWidth)")
     if not any(dng.stored(tag).startswith(MAKER.encode()) for tag in _WRITER):
         raise ForeignFileError(foreign)
     if dng.raw().samplesperpixel != PICTURE_PLANES:

@@ -8,7 +8,12 @@ import pytest
 
 from panchroma.offline import clean_frame
 from panchroma.offline.stages.chromaticity import sigma_z
-from panchroma.offline.stages.noise import NoiseSettings, estimate_noise, with_noise_model
+from panchroma.offline.stages.noise import (
+    NoiseSettings,
+    estimate_noise,
+    rounding_noise,
+    with_noise_model,
+)
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.simulation.sensor import sample
@@ -75,27 +80,30 @@ def test_clipped_parts_do_not_count() -> None:
 
 def test_what_the_calibration_knows_is_not_estimated() -> None:
     mosaic = noisy(smooth((400, 600)), CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
-    assert with_noise_model(mosaic, NoiseSettings(estimate=False)) is mosaic
-    estimated = with_noise_model(mosaic, NoiseSettings(estimate=True))
+    none = rounding_noise(mosaic)
+    assert not none.any()
+    assert with_noise_model(mosaic, NoiseSettings(estimate=False), none) is mosaic
+    estimated = with_noise_model(mosaic, NoiseSettings(estimate=True), none)
     assert estimated.calibration.noise == estimate_noise(mosaic)
     model = NoiseModel.gaussian(0.5, 4)
     known = Mosaic(mosaic.signal, mosaic.pattern, replace(mosaic.calibration, noise=model))
-    assert with_noise_model(known, NoiseSettings(estimate=False)) is known
+    assert with_noise_model(known, NoiseSettings(estimate=False), none) is known
 
 
 @pytest.mark.parametrize("bits", [8, 12])
 def test_rounding_to_codes_is_noise_too(bits: int) -> None:
-    mosaic = noisy(smooth((400, 600)), CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
-    calibration, expected = SensorCalibration.of_bits(bits), []
-    rounding = calibration.scale()[-1] / 12**0.5
-    for sigma in (0.02, 1e-5, 0.0):
-        noise = NoiseModel.gaussian(sigma, 4)
-        says = mosaic.calibrated(replace(calibration, noise=noise))
-        expected.append(np.hypot(sigma, rounding) if sigma else 0.0)
-        found = with_noise_model(says, NoiseSettings(estimate=True)).calibration.noise
-        assert found.sigma(0) == pytest.approx(expected[-1])
-    even = Mosaic(np.ones((400, 600), np.float32), mosaic.pattern, calibration)
-    assert with_noise_model(even, NoiseSettings(estimate=True)).calibration.noise is not None
+    calibration, pattern = SensorCalibration.of_bits(bits), CfaPattern.bayer(6)
+    rounding, even = calibration.scale()[-1] / 12**0.5, np.full((400, 600), 99, np.uint16)
+    for sigma, expected in (
+        (0.02, np.hypot(0.02, rounding)),
+        (1e-5, np.hypot(1e-5, rounding)),
+        (0, 0),
+    ):
+        says = replace(calibration, noise=NoiseModel.gaussian(sigma, 4))
+        frame = clean_frame(Mosaic(even, pattern, says))
+        assert frame.noise.sigma(0) == pytest.approx(expected)
+    floating = Mosaic((even / 300).astype(np.float32), pattern, says)
+    assert clean_frame(floating).noise.sigma(0) == 0
 
 
 def test_a_black_mask_around_the_picture_is_not_without_noise() -> None:

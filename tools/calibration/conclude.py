@@ -176,17 +176,16 @@ def _outdated(measured: Measurements, sources: Mapping[str, Any]) -> list[str]:
     if measured.dark:
         moved = np.abs(measured.dark.black - np.array(before.black_level))
         if (moved > _MOVED * measured.assumed().black).any():
-            wrong[f"the black level is {moved.max():.1f} codes off the one"] = _OF_BLACK
+            wrong[f"the black level is {moved.max():.1f} codes off the one with which"] = _OF_BLACK
     if measured.shading:
         changed = float(np.abs(_tints(measured.shading.shading) / _tints(before.shading) - 1).max())
         if changed > _TINTED:
-            off = f"colours fall off by up to {100 * changed:.1f} % otherwise than by the shading"
+            off = f"colours fall off by up to {100 * changed:.1f} % otherwise than was known when"
             wrong[off] = _OF_SHADING
     lines, remedy = [], "give all frames together to measure these again"
     for off, entries in wrong.items():
         if kept := [entry for entry in measured.known if entry in entries and entry not in sources]:
-            with_it = f"with which {', '.join(kept)} of the camera file were measured"
-            lines.append(f"{off} {with_it}; {remedy}")
+            lines.append(f"{off} {', '.join(kept)} of the camera file were measured; {remedy}")
     return lines
 
 

@@ -21,13 +21,13 @@ _NOT_DARK = 0.1  # of full scale above black
 # times the variance of another dark frame: one has another gain or exposure, or is no measurement
 # at all
 _UNLIKE = 4.0
-# standard deviations (and codes) that black may move between dark frames, as with temperature
+# standard deviations (and steps) that black may move between dark frames, as with temperature
 _DRIFT = 3.0
 # Of the read noise: drift expected before any is seen, and its weight in frames.
 _USUAL_DRIFT, _USUAL_DRIFT_FRAMES = 0.02, 2
 # Of the range of codes: black levels of the planes that differ by less are those of electronics.
 _LEAK = 1 / 2048
-_LEAST_LEAK = 1.5  # codes
+_LEAST_LEAK = 1.5  # steps
 _CUT = 1e-3  # of the samples: so many that read 0 were cut off there
 # Correlation of levels and variances of the planes, from which on both rise together.
 _IN_LINE = 0.9
@@ -101,7 +101,7 @@ def measure_dark(frames: Sequence[Mosaic], names: Sequence[str] = ()) -> DarkRes
     codes = np.stack([frame.codes for frame in frames])
     step, stack = places.code_step(codes), codes.astype(np.float64)
     mean, rounding, hidden = stack.mean(axis=0), ROUNDING * step**2, HIDDEN * step
-    _check_alike(stack[:, planes == number - 1], names)
+    _check_alike(stack[:, planes == number - 1], names, step)
     black, error, read, read_error = (np.zeros(number) for _ in range(4))
     common = variance = 0.0
     defect = np.zeros(first.shape, bool)
@@ -140,7 +140,7 @@ def measure_dark(frames: Sequence[Mosaic], names: Sequence[str] = ()) -> DarkRes
         alike = 1 + (np.bincount(row).max() - 1) * common**2  # samples that count as one
         independent = good.sum() * max(len(frames) - 1, 1) / alike
         read_error[plane] = variance / (max(read[plane], hidden) * np.sqrt(2 * max(independent, 1)))
-    _check_light(first, mean, black, np.hypot(read, rounding**0.5), len(frames))
+    _check_light(first, mean, black, np.hypot(read, rounding**0.5), len(frames), step)
     defects = tuple((row, column) for row, column in np.argwhere(defect).tolist())
     measured = black, error, read, read_error, defects, common * variance, step
     return DarkResult(len(frames), *measured)
@@ -160,13 +160,15 @@ def _in_common(samples: DoubleArray, rows: IndexArray) -> float:
     return max(common, 0.0)
 
 
-def _check_alike(samples: DoubleArray, names: Sequence[str]) -> None:
-    """Raise InputError if dark frames clearly differ; samples: of one plane, (frames, samples)."""
+def _check_alike(samples: DoubleArray, names: Sequence[str], step: int) -> None:
+    """Raise InputError if dark frames clearly differ; samples: of one plane, (frames, samples).
+    step: between codes.
+    """
     levels, spreads = np.array([places.clipped_moments(frame) for frame in samples]).T
     # Of codes that happen not to change, rounding hides the noise.
-    noises = np.sqrt(spreads**2 + ROUNDING)
+    noises = np.sqrt(spreads**2 + ROUNDING * step**2)
     most_noise = np.sqrt(_UNLIKE) * noises.min()
-    most_level = levels.min() + _DRIFT * max(float(noises.max()), 1.0)
+    most_level = levels.min() + _DRIFT * max(float(noises.max()), float(step))
     for what, values, limit in (("noise", noises, most_noise), ("level", levels, most_level)):
         low, high = int(values.argmin()), int(values.argmax())
         if values[high] > limit:
@@ -177,19 +179,25 @@ def _check_alike(samples: DoubleArray, names: Sequence[str]) -> None:
 
 
 def _check_light(
-    frame: Mosaic, mean: DoubleArray, black: DoubleArray, noise: DoubleArray, frames: int
+    frame: Mosaic,
+    mean: DoubleArray,
+    black: DoubleArray,
+    noise: DoubleArray,
+    frames: int,
+    step: int,
 ) -> None:
     """Raise InputError if light has fallen on dark frames: in all of the sensor, or in some of
     it.
 
-    frame: one of them; mean: (H, W), of all, codes; black, noise: (C + 1,), of each plane, codes.
+    frame: one of them; mean: (H, W), of all, codes; black, noise: (C + 1,), of each plane, codes;
+    step: between codes.
 
     Panchromatic samples collect the light of all channels, so light lifts them above the others,
     and light has shot noise: the planes' variances rise along a line over their levels. Heat lifts
     all planes alike, and an electronic offset has no noise.
     """
     letters, planes = frame.pattern.planes, places.planes_of(frame, defects=True)
-    limit = max(_LEAK * frame.calibration.white_level, _LEAST_LEAK)
+    limit = max(_LEAK * frame.calibration.white_level, _LEAST_LEAK * step)
     lift = black - black[:-1].min()
     variance = noise**2
     slope = float(np.polyfit(lift, variance, 1)[0]) if np.ptp(lift) > 0 else 0.0

@@ -332,7 +332,7 @@ def contradiction(
     *colours, white = lines
     photon = white.shot, white.shot_error
     shot, error = np.mean([(line.shot, line.shot_error) for line in colours], axis=0).tolist()
-    rows = [("photon", photon, (shot, error), 1.0, "colour samples")]
+    rows = [("photon", photon, (shot, error), 1.0, "colour samples")] if points else []
     if charts:
         patches = np.concatenate([_panchromatic(chart) for chart in charts], axis=1)
         gain = float(calibration.shading.sketch[-1].max()) if calibration.shading else 1.0

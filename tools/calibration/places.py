@@ -21,6 +21,7 @@ LEAST_SAMPLES = 40  # samples of the rarest plane in a window, about
 # per side, at most: flat frames are never quite even, so means and variances are measured in
 # windows
 _PLACES_ACROSS = 12
+_TAIL = 0.01  # share of the darkest, and of the brightest samples, which may be defects
 FEW = 9  # samples: fewer do not tell their own deviation
 NO_PLANE = 255  # of a defective sample, see `planes_of`
 # Samples end below the white level where this share of them has the highest code, many times as
@@ -98,9 +99,15 @@ def robust_deviation(residuals: DoubleArray) -> float:
 
 
 def code_step(codes: CodeArray) -> int:
-    """Return the step between codes: more than 1 where a sensor's were shifted to more bits."""
-    used = np.flatnonzero(np.bincount(codes.ravel()))
-    return int(np.gcd.reduce(np.diff(used), initial=0)) or 1
+    """Return the step between the usual codes: more than 1 where a sensor's were shifted to more
+    bits; 1 of one or two codes, which do not tell it.
+    """
+    counts = np.bincount(codes.ravel())
+    up_to = counts.cumsum() / codes.size
+    used = np.flatnonzero(
+        (counts > 0) & (up_to > _TAIL) & (up_to - counts / codes.size < 1 - _TAIL)
+    )
+    return int(np.gcd.reduce(np.diff(used))) if len(used) > 2 else 1
 
 
 def planes_of(mosaic: Mosaic, *, defects: bool = False) -> ByteArray:

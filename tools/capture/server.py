@@ -122,10 +122,13 @@ class _Handler(SimpleHTTPRequestHandler):
         elif path == "/status":
             self._answer(self.server.finder.status())
         else:
-            try:
-                super().do_GET()
-            except ValueError:  # a name that no file can have
-                self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
+            super().do_GET()
+
+    def send_head(self) -> Any:
+        try:
+            return super().send_head()
+        except ValueError:  # a name that no file can have
+            return self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
 
     def do_POST(self) -> None:
         origin = self.headers.get("Origin")

@@ -53,8 +53,7 @@ def function(text: str) -> Method:
 def _picture(
     text: str, path: str, call: Callable[[Mosaic], FloatArray], shot: Mosaic
 ) -> FloatArray:
-    # what it prints is no record
-    with _named(text, path), redirect_stdout(sys.stderr):
+    with _named(text, path):
         picture, expected = call(shot), (*shot.shape, len(shot.calibration.channels))
         if not isinstance(picture, np.ndarray) or picture.shape != expected:
             returned = getattr(picture, "shape", type(picture).__name__)
@@ -65,10 +64,11 @@ def _picture(
 @contextmanager
 def _named(text: str, path: str) -> Iterator[None]:
     """Turn whatever somebody's code raises into an InputError that names it, and the line of its
-    file.
+    file. What that prints is no record.
     """
     try:
-        yield
+        with redirect_stdout(sys.stderr):
+            yield
     except MemoryError:
         raise
     except (Exception, SystemExit) as error:

@@ -140,6 +140,13 @@ def test_codes_too_coarse_for_the_read_noise_leave_it_unknown() -> None:
     assert "use more gain or more bits" in " ".join(concluded(frames[0], dark).warnings)
 
 
+def test_a_hot_pixel_in_frames_without_noise_is_found() -> None:
+    codes = np.full((60, 60), 64, np.uint16)
+    codes[3, 4], codes[7, 8] = 1023, 164
+    found = measure_dark([Mosaic(codes, CfaPattern.bayer(6), BLIND)] * 2)
+    assert (found.step, found.defects) == (1, ((3, 4), (7, 8)))
+
+
 def test_codes_that_were_shifted_to_more_bits_show_the_same_noise() -> None:
     levels = tuple(16 * black for black in BLIND.black_level)
     wide = replace(BLIND, black_level=levels, white_level=16 * 4095)
@@ -152,6 +159,8 @@ def test_codes_that_were_shifted_to_more_bits_show_the_same_noise() -> None:
         lines = noise_of_flats(of_flats(frames), says, None).lines
         found.append([(line.shot, line.read) for line in lines])
     np.testing.assert_allclose(found[0], found[1], rtol=1e-6)
+    quiet = [edited(each, lambda codes: np.median(codes) + (codes > 258)) for each in darks(3)]
+    assert not measure_dark(shifted(quiet)).shows_read
     dark, wider = measure_dark(darks(2)), measure_dark(shifted(darks(2)))
     np.testing.assert_allclose(wider.read, 16 * dark.read)
     assert wider.defects == dark.defects

@@ -401,7 +401,7 @@ def test_shading_with_which_gamma_was_not_measured_is_told() -> None:
         says = replace(BLIND, shading=darker_corners(SHAPE, colour=colour))
         old = Camera(says, PATTERN, {"gamma": {}, "shading": {}})
         warnings = " ".join(concluded(old, flat=several("flat", 4)).warnings)
-        said = "otherwise than by the shading with which gamma of the camera file were measured"
+        said = "otherwise than was known when gamma of the camera file were measured"
         assert warnings.count(said) == count
 
 

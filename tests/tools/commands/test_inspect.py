@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 
 from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.dng import read_preview
@@ -144,9 +145,11 @@ def test_the_dng_of_another_program_is_not_damaged(tmp_path: Path) -> None:
     for name in others:
         assert f"{name}: not a DNG of Panchroma: it has no digest" in outcome.err
     (tmp_path / "theirs" / "hurt.dng").write_bytes(shot.read_bytes()[:-512] + bytes(512))
+    tifffile.imwrite(tmp_path / "theirs" / "scan.dng", np.zeros((9, 9), np.uint8))
     for command in ("inspect --verify", "render -n -o out"):
         outcome = run(command, tmp_path / "theirs", code=1)
-        assert "hurt.dng: damaged: its first directory, which a DNG begins with" in outcome.err
+        assert "scan.dng: not a " in outcome.err
+        assert "hurt.dng: damaged: its first directory is not that of a picture" in outcome.err
     outcome = run("inspect", "--verify", *others, code=1)  # they were named
     assert (outcome.out, len(outcome.errors)) == ("0 whole, 2 damaged or unreadable\n", 2)
     for lost, told in ((b"Panchroma\0", "1 whole, 0"), (b"Panchroma mosaic\0", "0 whole, 1")):
