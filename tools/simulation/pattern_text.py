@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from ...shared import Camera, read_camera
 from ...shared.errors import InputError, meant
+from ...shared.figures import whole
 from ...shared.pattern import PERIODS, CfaPattern
 from ...shared.reading import File, naming, read_text
 from ...shared.tiles import EXPECTED, TILES, letters_of
@@ -90,7 +91,10 @@ def camera_and_pattern(
     if channels is not None:
         tile = replace(tile, channels=channels)
     if origin is not None:
-        tile = replace(tile, origin=origin)
+        if isinstance(origin, str) or len(origin) != 2:
+            raise InputError(f"`origin` is {origin!r}, expected two whole numbers (row, column)")
+        row, column = (whole("`origin`", place) for place in origin)
+        tile = replace(tile, origin=(row, column))
     if known and camera:
         with naming(camera):
             known.check_pattern(tile)

@@ -227,7 +227,7 @@ FOREIGN += [f"{PROXY}.evil.example", f"x.{PROXY}", "example.org", "."]
 ORIGINS = ["http://evil.example", "null", "http://127.0.0.1:1", "https://127.0.0.1:{port}"]
 ORIGINS += [f"https://{PROXY}.evil.example", ""]
 PROXIED = [f"https://{PROXY}", f"https://{PROXY}:8443"]
-PLACES = ["/../server.py", "/%2e%2e/server.py", "//etc/passwd", "/secret", "*"]
+PLACES = ["/../server.py", "/%2e%2e/server.py", "//etc/passwd", "/secret", "*", "/a%00b"]
 
 
 @pytest.mark.parametrize(
@@ -242,7 +242,7 @@ PLACES = ["/../server.py", "/%2e%2e/server.py", "//etc/passwd", "/secret", "*"]
             for host in ("127.0.0.1:{port}", "gate.example", PROXY)
             for origin in PROXIED
         ),
-        *(("GET", place, {}, 404) for place in PLACES),
+        *((method, place, {}, 404) for method in ("GET", "HEAD") for place in PLACES),
         ("GET", "/capture", {}, 404),  # looking changes nothing
         ("POST", "/stream.mjpg", {}, 404),
         ("PUT", "/capture", {}, 501),

@@ -315,6 +315,11 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
     ("wrong", "said"),
     [
         (lambda: panchroma.simulate("there.tif", bands="BGR"), "`bands` is 'BGR'"),
+        (lambda: panchroma.simulate(GREY, bands="RGBW"), "`bands` is 'RGBW'; each channel has a"),
+        (lambda: panchroma.simulate(GREY, bands="RGG"), "`bands` is 'RGG'; each channel has a"),
+        (lambda: panchroma.simulate(GREY, origin=(1.5, 2)), "`origin` is 1.5, expected a whole"),  # type: ignore[arg-type]
+        (lambda: panchroma.simulate(GREY, origin="12"), "expected two whole numbers"),  # type: ignore[call-overload]
+        (lambda: panchroma.render(GREY), "ndarray is neither a shot nor its file; Shot(Mosaic("),  # type: ignore[arg-type]
         (lambda: panchroma.simulate(GREY, pattern=6.0), "'K=6.0': is not"),  # type: ignore[call-overload]
         (lambda: panchroma.simulate(GREY, rng=-1), "`rng` is -1"),
         (lambda: panchroma.simulate([[1, 2], [3]]), "the array is object"),

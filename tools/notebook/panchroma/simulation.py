@@ -12,6 +12,7 @@ from .pictures import Picture
 from .shared import CfaPattern
 from .shared.arrays import unmasked
 from .shared.errors import InputError
+from .shared.pattern import PANCHROMATIC
 from .shared.reading import MAX_PIXELS, File, file_name, is_file
 from .shots import Shot, with_notes_shown
 from .tools.io.decoded import Decoded
@@ -191,6 +192,9 @@ def _scene(source: Any, requested: str, bands: str | None, linear: bool, max_pix
         raise
     except ValueError:  # rows of different lengths
         array = np.array(None)
+    if bands is not None and (PANCHROMATIC in bands or len({*bands}) < len(bands)):
+        reason = "each channel has a letter of its own, and W is what all see together"
+        raise InputError(f"`bands` is {bands!r}; {reason}")
     if bands is not None and array.shape[2:] != (len(bands),):
         shape = f"(rows, columns, {len(bands)})"
         stated = f"`bands` is {bands!r}, but the array has shape {array.shape}"

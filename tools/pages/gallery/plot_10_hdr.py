@@ -26,8 +26,8 @@ for axis, (name, picture) in zip(axes, pictures.items(), strict=True):
     axis.set(title=name, xticks=[], yticks=[])
 
 # %%
-# Ultra HDR is a JPEG with a gain map. EXR and NPY keep linear light; JPEG XL and TIFF have 8 or 16
-# bits of sRGB.
+# Ultra HDR is a JPEG with a gain map. EXR and NPY keep linear light, and so do JPEG XL and TIFF of
+# 32 bits.
 folder = Path(mkdtemp())
 pictures["best"].save(folder / "leaves.jpg", format="uhdr")
 pictures["best"].save(folder / "leaves.exr")
