@@ -80,7 +80,7 @@ STEP = 8
 _SIDE = 256  # blocks down and across that are computed at once
 _TOGETHER = 100_000  # blocks whose planes a thread computes at once: it takes 1 kB for each
 # blocks around them, a multiple of STEP: it sees 63, but learned on 32 x 32, and those beyond 24
-# change a chromaticity by 2e-4 (root of the mean square)
+# change a chromaticity by 3e-4 (root of the mean square)
 _HALO = 24
 _ERROR = 0.2  # of filled luminance, as a multiple of its curvature, of the c and c' it learned from
 _LEAST = np.float32(1e-3)

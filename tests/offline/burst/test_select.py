@@ -89,7 +89,7 @@ def test_a_variance_is_never_0_beside_others(odd: NoiseModel) -> None:
     frames = [frame(1, 0.02, known), frame(2, 0.02, odd), frame(3, 0.02, known)]
     for light in (-0.1, 0.0, 0.5):
         noisy, quiet, _ = sigmas(*frames, light=light)
-        assert noisy == pytest.approx(known.sigma(light))
+        assert noisy == pytest.approx(known.sigma(light), rel=1e-3)  # and rounding
         assert quiet >= noisy / 4 * 0.999
 
 
