@@ -184,7 +184,6 @@ LEAK = "light fell in: their levels are R .* W .* codes, with a noise of R .* co
     ("light", "count", "words"),
     [
         (0.005, 1, LEAK),
-        (0.0015, 4, LEAK),
         ((0.02, 0.005, 0.0), 4, LEAK),
         (CORNER, 4, r"light fell in around row \d+, column \d+: W is .* codes further above"),
     ],
@@ -193,6 +192,13 @@ def test_light_that_leaks_in_is_told(light: Any, count: int, words: str) -> None
     """Light of 1 is that of a chart's white."""
     with pytest.raises(InputError, match=words):
         measure_dark(darks(count, light))
+
+
+def test_weak_light_is_told_where_black_is_even() -> None:
+    uneven = np.array(TRUTH.black_level)[CfaPattern.bayer().filter_map(SHAPE)] - 256
+    even = [edited(each, lambda codes: codes - uneven) for each in darks(4, 0.001)]
+    with pytest.raises(InputError, match=LEAK):
+        measure_dark(even)
 
 
 def test_what_is_warm_or_offset_is_dark() -> None:
