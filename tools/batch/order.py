@@ -335,10 +335,15 @@ def _make(order: Order, memory: int, processes: int, job: Job, listener: StagePr
         # stays would wait for ever for a thread whose start is interrupted.
         with ThreadPoolExecutor(1) as pool:
             made = order, job, output, source_digest
-            how: dict[str, Any] = {"overwrite": existing.replace, "threads": threads()}
-            how["on_complete"] = lambda whole: pool.submit(_note_in_journal, *made, whole).result
             bands = _whitened(subject.bands(listener), subject.lost, development, listener)
-            write_picture(output, bands, development, **how)
+            write_picture(
+                output,
+                bands,
+                development,
+                overwrite=existing.replace,
+                on_complete=lambda partial: pool.submit(_note_in_journal, *made, partial).result,
+                threads=threads(),
+            )
         _note_stamp(order, output, f"{stamp} {_stamp([output])}")
     from ...offline import network_name
 

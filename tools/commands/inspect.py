@@ -106,16 +106,27 @@ def _shot(source: str, max_pixels: int) -> Contents:
     # panchromatic pixels read the full scale.
     light = pattern.light_efficiency(3 / calibration.full_scale)
     (height, width), camera = mosaic.shape, calibration.camera
-    derived = None if pattern.derived is None else pattern.channels[pattern.derived]
-    tile: dict[str, Any] = {"name": pattern.name or None, "period": pattern.period}
-    tile |= {"channels": pattern.channels, "derived": derived, "letters": pattern.letters_from()}
-    tile["light_efficiency"] = round(light, 3)
-    captured = asdict(metadata) | {"taken": metadata.taken and metadata.taken.isoformat()}
-    facts: dict[str, Any] = {"width": width, "height": height, "pattern": tile}
-    facts |= {"learned": network.stem if network else None, "bits": calibration.bits}
-    facts |= {"mean_luminance": mean, "saturated": saturated}
-    facts |= {"calibration": calibration.to_json(), "calibration_id": calibration.id}
-    facts |= {"metadata": captured, "preview_bytes": preview_bytes, "digest": "shot"}
+    facts = {
+        "width": width,
+        "height": height,
+        "pattern": {
+            "name": pattern.name or None,
+            "period": pattern.period,
+            "channels": pattern.channels,
+            "derived": None if pattern.derived is None else pattern.channels[pattern.derived],
+            "letters": pattern.letters_from(),
+            "light_efficiency": round(light, 3),
+        },
+        "learned": network.stem if network else None,
+        "bits": calibration.bits,
+        "mean_luminance": mean,
+        "saturated": saturated,
+        "calibration": calibration.to_json(),
+        "calibration_id": calibration.id,
+        "metadata": asdict(metadata) | {"taken": metadata.taken and metadata.taken.isoformat()},
+        "preview_bytes": preview_bytes,
+        "digest": "shot",
+    }
     rows = {
         "size": f"{width} x {height} pixels; samples match their digest",
         "pattern": _pattern(pattern),
