@@ -219,10 +219,11 @@ class _Check:
     def _refuse(self, frame: RawFrame, reason: str) -> NoReturn:
         """Raise FrameError with the reason."""
         layout, source = self._sensor.layout, frame.source or "FRAME"
-        size = f"--size {layout.width}x{layout.height} --pixel-format {layout.format}"
-        command = f"`panchroma identify {source} {size} --stride {layout.stride}`"
-        otherwise = "If the description is right, add `unchecked`"
-        raise FrameError(f"the frame is not as described: {reason}; run {command}. {otherwise}")
+        raise FrameError(
+            f"the frame is not as described: {reason}; run `panchroma identify {source} --size "
+            f"{layout.width}x{layout.height} --pixel-format {layout.format} --stride "
+            f"{layout.stride}`. If the description is right, add `unchecked`"
+        )
 
 
 def impossible_level(codes: CodeArray, windows: Windows, calibration: SensorCalibration) -> str:
