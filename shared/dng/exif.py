@@ -32,8 +32,11 @@ _ANGLES = (GPS["GPSLatitude"], "NS"), (GPS["GPSLongitude"], "EW")
 TEXTS = {name.lower(): TAG[name] for name in ("Make", "Model", "Artist", "Copyright")}
 TEXTS["description"] = TAG["ImageDescription"]
 # Field of CaptureMetadata -> tag of its number in the Exif directory.
-NUMBERS = {"exposure_time": TAG["ExposureTime"], "f_number": TAG["FNumber"]}
-NUMBERS["focal_length"] = TAG["FocalLength"]
+NUMBERS = {
+    "exposure_time": TAG["ExposureTime"],
+    "f_number": TAG["FNumber"],
+    "focal_length": TAG["FocalLength"],
+}
 _TIME = "%Y:%m:%d %H:%M:%S"
 _LONGEST = 4096  # bytes of a text: all fields together fit into the 64 KiB of a JPEG's Exif block
 _CONTINUATIONS = bytes(range(0x80, 0xC0))  # of letters in UTF-8

@@ -212,13 +212,13 @@ def _check_light(
             f"{noises}: both rise from filter to filter as they do in light, most in W, which sees "
             "all colours; cover lens and viewfinder, and take them in the dark"
         )
-    steps = []
+    lifts = []
     for window in places.windows(planes):
         signal, here = mean[window], planes[window]
         middle = [float(np.median(signal[here == plane])) for plane in range(len(letters))]
-        steps.append((middle[-1] - float(np.mean(middle[:-1])), window))
-    usual = float(np.median([step for step, _ in steps]))
-    most, (rows, columns) = max(steps, key=lambda step: step[0])
+        lifts.append((middle[-1] - float(np.mean(middle[:-1])), window))
+    usual = float(np.median([above for above, _ in lifts]))
+    most, (rows, columns) = max(lifts, key=lambda window: window[0])
     clip = places.CLIP * float(noise.max())
     if most - usual > max(limit, clip / np.sqrt(frames * places.LEAST_SAMPLES)):
         place = f"row {(rows.start + rows.stop) // 2}, column {(columns.start + columns.stop) // 2}"

@@ -225,7 +225,6 @@ def build_page(
         A line for each scene or result that is missing.
     """
     study = figures.study
-
     return render_page(
         _TEMPLATE,
         title="Is the sparse-colour camera better?",

@@ -24,7 +24,7 @@ def denoise_bayer(shot: BayerShot) -> FloatArray:
     transform first makes the noise equal everywhere, and its unbiased inverse follows (Makitalo and
     Foi 2013). Planes smaller than 8 x 8 and shots without noise are returned unchanged.
     """
-    denoised, (_, photons, read) = shot.samples.copy(), shot
+    denoised, photons, read = shot.samples.copy(), shot.shot, shot.read
     if min(denoised.shape) < 2 * _BLOCK_SIDE or (photons == 0 and read == 0):
         return denoised
     for row, column in product((0, 1), repeat=2):

@@ -67,13 +67,14 @@ def encode_bayer_dng(codes: NDArray[np.uint16]) -> bytes:
     from tifffile import imwrite
 
     fields = (
-        (TAG["CFARepeatPatternDim"], FieldType.SHORT, 2, (2, 2), True),
-        (TAG["CFAPattern"], FieldType.BYTE, 4, bytes(CFA_CODES[letter] for letter in ORDER), True),
-        (TAG["DNGVersion"], FieldType.BYTE, 4, bytes(DNG_VERSION), True),
-        (TAG["WhiteLevel"], FieldType.LONG, 1, 65535, True),
+        (TAG["CFARepeatPatternDim"], FieldType.SHORT, 2, (2, 2)),
+        (TAG["CFAPattern"], FieldType.BYTE, 4, bytes(CFA_CODES[letter] for letter in ORDER)),
+        (TAG["DNGVersion"], FieldType.BYTE, 4, bytes(DNG_VERSION)),
+        (TAG["WhiteLevel"], FieldType.LONG, 1, 65535),
     )
     file = io.BytesIO()
-    imwrite(file, codes, photometric=Photometric.CFA, extratags=fields, metadata=None)
+    tags = [(*field, True) for field in fields]
+    imwrite(file, codes, photometric=Photometric.CFA, extratags=tags, metadata=None)
     return file.getvalue()
 
 
