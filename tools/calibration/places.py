@@ -127,17 +127,18 @@ def planes_of(mosaic: Mosaic, *, defects: bool = False) -> ByteArray:
 
 
 def plateau(mosaic: Mosaic) -> tuple[int, float]:
-    """Return the highest code, and the share of the samples that have it if they end there below
-    the white level; 0 if they do not. Noise alone makes the highest codes rare.
+    """Return the highest code that more than a few samples have, and their share if samples end
+    there below the white level; 0 if they do not. Noise alone makes the highest codes rare.
     """
-    counts = np.bincount(mosaic.codes[planes_of(mosaic) != NO_PLANE])
-    used, end = np.flatnonzero(counts), len(counts) - 1
-    if end >= mosaic.calibration.white_level or len(used) < _CODES:
+    codes = mosaic.codes[planes_of(mosaic) != NO_PLANE]
+    counts = np.bincount(codes)
+    usual = np.flatnonzero(counts > _FEWEST)  # hot pixels may have higher ones
+    end = int(usual[-1]) if usual.size else 0
+    if end >= mosaic.calibration.white_level or np.count_nonzero(counts) < _CODES:
         return end, 0.0
-    step = int(np.gcd.reduce(np.diff(used)))
-    near, share = counts[max(end - _BELOW * step, 0) : end], float(counts[end] / counts.sum())
-    ends = share > _ENDED and counts[end] > max(_MORE * near.sum(), _FEWEST)
-    return end, share if ends else 0.0
+    near = counts[max(end - _BELOW * code_step(codes), 0) : end]
+    share = float(counts[end] / counts.sum())
+    return end, share if share > _ENDED and counts[end] > _MORE * near.sum() else 0.0
 
 
 def listed_defects(mosaic: Mosaic) -> Pixels:
