@@ -1,8 +1,7 @@
 """DNGs as scenes: linear ones, and the corrections that any of them asks for, which are not made.
 
 A linear DNG has three samples per pixel, as `panchroma render -f dng`, Adobe's DNG Converter and
-Lightroom write them. The size that a JPEG XL image in it declares is read before a library decodes
-the image: ISO/IEC 18181-1:2022, annex A.5 (SizeHeader); ISO/IEC 18181-2 (boxes).
+Lightroom write them.
 """
 
 import zlib
@@ -34,7 +33,6 @@ _READ = tags_of(
     "WhiteLevel ActiveArea DefaultCropOrigin DefaultCropSize BaselineExposure " + " ".join(_LISTS)
 )
 _DEFLATE = (8, 32946)
-_JPEG_XL = 52546  # DNG 1.7.1, chapter 4
 _LARGE_TILE = 1024  # pixels: larger tiles than this are never larger than the picture
 
 
@@ -47,11 +45,11 @@ def linear_dng_scene(path: Path, max_pixels: int) -> tuple[Scene | None, tuple[s
     linearization table. It is neither rotated nor white-balanced, and not brightened by
     BaselineExposure. Values below black become 0, values above white exceed 1. Integers at the
     white level, or a lower limit of their plane, are clipped, and become white (see `clipped`).
-    Matrix, neutral and orientation are the file's. Lossless compressions and JPEG XL are read (DNG
-    1.7.1, chapter 4), integers and floating point.
+    Matrix, neutral and orientation are the file's. Lossless JPEG and Deflate are read (DNG 1.7.1,
+    chapter 4), integers and floating point.
 
-    max_pixels: larger files are refused. Raises InputError for lossy JPEG and rare compressions,
-    for impossible levels, and for a damaged file.
+    max_pixels: larger files are refused. Raises InputError for JPEG XL, lossy JPEG and rare
+    compressions, for impossible levels, and for a damaged file.
     """
     with opened_tiff(path, _READ) as (stream, file, _):
         with guarded():
@@ -66,8 +64,8 @@ def linear_dng_scene(path: Path, max_pixels: int) -> tuple[Scene | None, tuple[s
         _check(page, path.stat().st_size, data_bytes(path), max_pixels)
         _check_chunks(page, stream)
         unsigned = page.dtype is not None and page.dtype.kind == "u"
-        integers = unsigned and page.compression in (*Compression, _JPEG_XL)
-        if unsigned and page.compression in tuple(Compression):
+        integers = unsigned and page.compression in tuple(Compression)
+        if integers:
             samples = DngReader(stream, file).samples(max_pixels, PICTURE_PLANES, page)
         else:
             with guarded(path):
@@ -82,10 +80,9 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
 
     size, held: of the file, bytes; with holes and without.
     """
-    if page.compression not in (*Compression, *_DEFLATE, _JPEG_XL):
+    if page.compression not in (*Compression, *_DEFLATE):
         kind = getattr(page.compression, "name", page.compression)
-        advice = "export it with JPEG XL or lossless compression"
-        fault = f"which is lossy or rare; {advice}"
+        fault = "which is not read; export it without JPEG XL, with lossless compression"
         raise InputError(f"the linear DNG is compressed by {kind}, {fault}")
     check_page(page)
     kind, planes = page.dtype, " in separate planes" if page.planarconfig != 1 else ""
@@ -102,25 +99,21 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
 
 def _check_chunks(page: TiffPage, stream: Any) -> None:
     """Raise InputError if a strip or tile inflates to more than it should hold, for which tifffile
-    has no limit, or holds a JPEG XL image that declares more.
+    has no limit.
     """
+    if page.compression not in _DEFLATE:
+        return
     rows, columns = min(page.rowsperstrip, page.imagelength), page.imagewidth
     if page.is_tiled:
         rows, columns = page.tilelength, page.tilewidth
     most = rows * -(-columns * PICTURE_PLANES * page.bitspersample // 8)
-    reason = "it is damaged, or made to fill the memory"
     for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
         stream.seek(offset)
-        if page.compression == _JPEG_XL:
-            height, width = declared_size(stream.read(count))
-            if height > rows or width > columns:
-                declared = f"{width} x {height} pixels in a place for {columns} x {rows}"
-                raise InputError(f"a JPEG XL image of the linear DNG declares {declared}: {reason}")
-        elif page.compression in _DEFLATE:
-            with guarded():
-                inflated = zlib.decompressobj().decompress(stream.read(count), most + 1)
-            if len(inflated) > most:
-                raise InputError(f"the linear DNG's strips hold more than they say: {reason}")
+        with guarded():
+            inflated = zlib.decompressobj().decompress(stream.read(count), most + 1)
+        if len(inflated) > most:
+            reason = "it is damaged, or made to fill the memory"
+            raise InputError(f"the linear DNG's strips hold more than they say: {reason}")
 
 
 def _levelled(samples: NDArray[Any], page: TiffPage) -> tuple[FloatArray, FloatArray]:
@@ -202,60 +195,3 @@ def _remarks(pages: Sequence[Any], pictures: Sequence[TiffPage]) -> tuple[str, .
         asked = f"the file asks to be shown {stops:+.3g} stops brighter (BaselineExposure)"
         notes.append(f"{asked}: the scene is as measured, its white level is 1.0")
     return tuple(notes)
-
-
-_CONTAINER, _CODESTREAM = b"\0\0\0\x0cJXL \r\n\x87\n", b"\xff\x0a"
-_SIDE_BITS = 9, 13, 18, 30  # of a side, by its selector
-_RATIOS = (1, 1), (12, 10), (4, 3), (3, 2), (16, 9), (5, 4), (2, 1)  # columns to rows
-_HEAD = 16  # bytes: more than a SizeHeader has
-
-
-def declared_size(image: bytes) -> tuple[int, int]:
-    """Return the (rows, columns) that a JPEG XL image declares.
-
-    image: a codestream, or a container with one. Raises InputError for anything else.
-
-    Examples
-    --------
-    >>> from panchroma.tools.io.linear_dng import declared_size
-    >>> declared_size(bytes.fromhex("ff0a4f40240804010058074b28b129a3"))
-    (64, 64)
-    """
-    head = _codestream(image) if image.startswith(_CONTAINER) else image[:_HEAD]
-    if not head.startswith(_CODESTREAM) or len(head) < _HEAD:
-        raise InputError("holds no JPEG XL image where it should: it is damaged")
-    bits = int.from_bytes(head[len(_CODESTREAM) :], "little")
-
-    def take(count: int) -> int:
-        nonlocal bits
-        value, bits = bits & ((1 << count) - 1), bits >> count
-        return value
-
-    def side() -> int:
-        return 8 * (take(5) + 1) if in_eights else take(_SIDE_BITS[take(2)]) + 1
-
-    in_eights = bool(take(1))
-    rows = side()
-    ratio = take(3)
-    if not ratio:
-        return rows, side()
-    numerator, denominator = _RATIOS[ratio - 1]
-    return rows, rows * numerator // denominator
-
-
-def _codestream(container: bytes) -> bytes:
-    """Return the beginning of the codestream in the boxes of a container; empty without one."""
-    place = 0
-    while place + 8 <= len(container):
-        length = int.from_bytes(container[place : place + 4], "big")
-        kind = container[place + 4 : place + 8]
-        begin = place + 8
-        if length == 1:  # 64 bits follow
-            length, begin = int.from_bytes(container[begin : begin + 8], "big"), begin + 8
-        if kind in (b"jxlc", b"jxlp"):  # the latter is a part, after its number
-            begin += 4 * (kind == b"jxlp")
-            return container[begin : begin + _HEAD]
-        if length < begin - place:  # 0: to the end of the file
-            break
-        place += length
-    return b""
