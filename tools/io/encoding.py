@@ -7,13 +7,12 @@ import numpy as np
 
 from ...shared.arrays import DoubleArray
 from ...shared.colorimetry import SRGB_PRIMARIES, SRGB_TO_XYZ, Matrix, as_rows, primaries_to_xyz
+from ...shared.errors import InputError
 from .colour import P3_PRIMARIES, decode_srgb
 
 Curve = Callable[[DoubleArray], DoubleArray]  # encoded values, 0..1 -> linear light, 0..1
 
 _LINEAR = 2e-3  # largest deviation from the identity of a curve that is called linear
-# BT.2408: luminance of white in PQ, cd/m2, and signal of white in HLG.
-_PQ_WHITE, _HLG_WHITE = 203.0, 0.75
 _P3_WHITE = (0.314, 0.351)
 _BT2020 = ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046))
 _BT601_625 = ((0.640, 0.330), (0.290, 0.600), (0.150, 0.060))
@@ -39,8 +38,7 @@ class Encoding:
     Attributes
     ----------
     curves : tuple[Curve, ...]
-        One per channel, from encoded values to linear light, both 0..1 (more than 1 where white is
-        no peak); () = not declared.
+        One per channel, from encoded values to linear light, both 0..1; () = not declared.
     to_xyz : Matrix
         (3, 3), linear RGB to XYZ (D50 white).
     name : str
@@ -92,12 +90,16 @@ def space_of(corners: Sequence[float]) -> Matrix | None:
 
 
 def coded_encoding(code: bytes, peak: int) -> Encoding | None:
-    """Return the encoding that code points of H.273 declare; None for one that is not read.
+    """Return the encoding that code points of H.273 declare; None for one that is not read. Raises
+    InputError for PQ and HLG.
 
     code: primaries, transfer (tables 2 and 3), matrix, which is 0 for RGB, and whether the range is
     full; in the narrow range black is 16, white 235 of 256 steps. peak: the largest sample.
     """
     primaries, transfer, matrix, full = code if len(code) == 4 else bytes(4)
+    if transfer in _HDR_CURVES:
+        remedy = "save it as sRGB, or as linear light in an EXR or a TIFF"
+        raise InputError(f"its values are encoded in {_HDR_CURVES[transfer]}; {remedy}")
     curve, to_xyz = _CODED_CURVES.get(transfer), _CODED_SPACES.get(primaries)
     if curve is None or to_xyz is None or matrix or full > 1:
         return None
@@ -117,22 +119,6 @@ def _bt709(encoded: DoubleArray) -> DoubleArray:
     return np.where(encoded < 4.5 * 0.018, encoded / 4.5, ((encoded + 0.099) / 1.099) ** (1 / 0.45))
 
 
-def _pq(encoded: DoubleArray) -> DoubleArray:
-    """BT.2100, table 4: reference PQ EOTF; 1 = white."""
-    power = encoded ** (32 / 2523)
-    c2, c3 = 2413 / 128, 2392 / 128
-    ratio = np.maximum(power - (c3 - c2 + 1), 0) / (c2 - c3 * power)
-    return 10000 / _PQ_WHITE * ratio ** (16384 / 2610)
-
-
-def _hlg(encoded: DoubleArray) -> DoubleArray:
-    """BT.2100, table 5: reference HLG OETF, inverted; 1 = white."""
-    a = 0.17883277
-    b, c = 1 - 4 * a, 0.5 - a * np.log(4 * a)
-    white = (np.exp((_HLG_WHITE - c) / a) + b) / 12
-    return np.where(encoded <= 0.5, encoded**2 / 3, (np.exp((encoded - c) / a) + b) / 12) / white
-
-
 # H.273, table 3.
 _CODED_CURVES: dict[int, Curve] = {
     **dict.fromkeys((1, 6, 14, 15), _bt709),
@@ -140,6 +126,5 @@ _CODED_CURVES: dict[int, Curve] = {
     5: power_curve(2.8),
     8: power_curve(1.0),
     13: decode_srgb,
-    16: _pq,
-    18: _hlg,
 }
+_HDR_CURVES = {16: "PQ", 18: "HLG"}  # H.273, table 3

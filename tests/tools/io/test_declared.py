@@ -11,6 +11,7 @@ import pytest
 import tifffile
 from PIL import Image
 
+from panchroma.shared import InputError
 from panchroma.shared.colorimetry import SRGB_TO_XYZ, primaries_to_xyz
 from panchroma.tools.io.colour import P3_PRIMARIES, encode_srgb
 from panchroma.tools.io.scene import Scene
@@ -31,20 +32,6 @@ def in_space(primaries: Any, light: Any = LIGHT) -> np.ndarray[Any, Any]:
 
 def srgb(light: Any) -> Any:
     return encode_srgb(np.asarray(light, np.float32))
-
-
-def pq(light: Any) -> Any:
-    """BT.2100, table 4: inverse EOTF; white is 203 cd/m2 (BT.2408)."""
-    power = (light * 203 / 10000) ** (1305 / 8192)
-    return ((107 / 128 + 2413 / 128 * power) / (1 + 2392 / 128 * power)) ** (2523 / 32)
-
-
-def hlg(light: Any) -> Any:
-    """BT.2100, table 5: OETF; white has 75 % of the signal (BT.2408)."""
-    a, b, c = 0.17883277, 0.28466892, 0.55991073
-    light = light * ((np.exp((0.75 - c) / a) + b) / 12)
-    bright = a * np.log(np.maximum(12 * light - b, 1e-9)) + c
-    return np.where(light <= 1 / 12, np.sqrt(3 * light), bright)
 
 
 def bt709(light: Any) -> Any:
@@ -76,9 +63,6 @@ SRGB_16, ADOBE_16 = codes(srgb(LIGHT)), codes(in_space(ADOBE) ** (256 / 563))
     ("samples", "chunks", "notes"),
     [
         (codes(srgb(in_space(P3_PRIMARIES))), {"cICP": b"\x0c\x0d\0\1"}, 0),
-        (codes(pq(in_space(BT2020))), {"cICP": b"\x09\x10\0\1"}, 0),
-        (codes(pq(10 * LIGHT)), {"cICP": b"\x01\x10\0\1"}, 0),
-        (codes(hlg(in_space(BT2020))), {"cICP": b"\x09\x12\0\1"}, 0),
         (codes(bt709(LIGHT)), {"cICP": b"\x01\x01\0\1"}, 0),
         (codes(in_space(BT2020)), {"cICP": b"\x09\x08\0\1"}, 0),
         (codes((16 + 219 * srgb(LIGHT)) * 256 / 65535), {"cICP": b"\x01\x0d\0\0"}, 0),
@@ -92,7 +76,7 @@ SRGB_16, ADOBE_16 = codes(srgb(LIGHT)), codes(in_space(ADOBE) ** (256 / 563))
         (codes(srgb(in_space(ADOBE)), np.uint8), {"cHRM": chrm(ADOBE)}, 0),
         # what is not read is said, and the next counts
         (SRGB_16, {"cICP": b"\x09\x0b\0\1", "sRGB": b"\0"}, 1),
-        (SRGB_16, {"cICP": b"\x09\x10\x09\1", "iCCP": iccp(SRGB_PROFILE)}, 1),
+        (SRGB_16, {"cICP": b"\x09\x01\x09\1", "iCCP": iccp(SRGB_PROFILE)}, 1),
         (SRGB_16, {"iCCP": iccp(b"nonsense"), "gAMA": gama(0.45455)}, 1),
         (SRGB_16, {"iCCP": b"profile\0\0no zlib", "gAMA": gama(0.45455)}, 1),
         (SRGB_16, {"iCCP": bytes(5 << 20), "gAMA": gama(0.45455)}, 1),
@@ -102,9 +86,15 @@ SRGB_16, ADOBE_16 = codes(srgb(LIGHT)), codes(in_space(ADOBE) ** (256 / 563))
 )
 def test_chunks_of_png(tmp_path: Path, samples: Any, chunks: dict[str, bytes], notes: int) -> None:
     scene = load_scene(png(tmp_path / "a.png", samples, **chunks))
-    bright = 10 if chunks.get("cICP") == b"\x01\x10\0\1" else 1
-    check(scene, bright * LIGHT, 4e-3 if samples.dtype == np.uint8 else 1e-3)
+    check(scene, LIGHT, 4e-3 if samples.dtype == np.uint8 else 1e-3)
     assert len(scene.notes) == notes
+
+
+@pytest.mark.parametrize(("code", "name"), [(b"\x09\x10\0\1", "PQ"), (b"\x09\x12\0\1", "HLG")])
+def test_pq_and_hlg_are_refused(tmp_path: Path, code: bytes, name: str) -> None:
+    path = png(tmp_path / "a.png", SRGB_16, cICP=code, iCCP=iccp(SRGB_PROFILE))
+    with pytest.raises(InputError, match=f"encoded in {name}; save it as sRGB, or as linear light"):
+        load_scene(path)
 
 
 # --- JPEG ----------------------------------------------------------------------------------------
