@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from ...shared import CaptureMetadata, InputError
 from ...shared.tiff_reading import StoredField, read_directories
-from .encoding import ADOBE_RGB, SRGB, Encoding
-from .icc import read_profile
+from .encoding import ADOBE_RGB, SRGB, Encoding, read_profile
 from .scene import RGB, scene_channels
 
 _MOST_SAMPLES = 4  # of a picture: RGB and transparency

@@ -8,7 +8,7 @@ from ...shared.dng import metadata_directory
 from ...shared.dng.tags import MAKER, TAG
 from ...shared.tiff import Directory, FieldType
 from .display import ColourTransform, check_exposure
-from .icc import icc_profile
+from .encoding import icc_profile
 from .versions import package_version
 
 CAMERA = "camera"

@@ -1,32 +1,34 @@
-"""Encoding of the values of a picture, as its file declares: curves and primaries."""
+"""Encoding of the values of a picture, as its file declares: curves and primaries, by names or in
+an ICC profile, which Little CMS reads; and the ICC profiles of the pictures that are written.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...shared.arrays import DoubleArray
-from ...shared.colorimetry import SRGB_PRIMARIES, SRGB_TO_XYZ, Matrix, as_rows, primaries_to_xyz
+from ...shared.arrays import DoubleArray, FloatArray, strips
+from ...shared.colorimetry import D50, SRGB_TO_XYZ, Matrix, as_rows, primaries_to_xyz
 from ...shared.errors import InputError
 from .colour import P3_PRIMARIES, decode_srgb
+from .damage import guarded
 
 Curve = Callable[[DoubleArray], DoubleArray]  # encoded values, 0..1 -> linear light, 0..1
 
 _LINEAR = 2e-3  # largest deviation from the identity of a curve that is called linear
-_P3_WHITE = (0.314, 0.351)
 _BT2020 = ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046))
-_BT601_625 = ((0.640, 0.330), (0.290, 0.600), (0.150, 0.060))
-_BT601_525 = ((0.630, 0.340), (0.310, 0.595), (0.155, 0.070))
-_ADOBE_RGB = ((0.640, 0.330), (0.210, 0.710), (0.150, 0.060))  # Adobe RGB (1998), 4.3.1.1
-REC_2020 = as_rows(primaries_to_xyz(_BT2020))
-"""Matrix from linear RGB of BT.2020 to XYZ (D50)."""
-# H.273, table 2.
+_REC_2020 = as_rows(primaries_to_xyz(_BT2020))  # to XYZ (D50)
+# H.273, table 2. 5 to 7: BT.601, of 625 and of 525 lines.
 _CODED_SPACES = {
-    1: primaries_to_xyz(SRGB_PRIMARIES),
-    5: primaries_to_xyz(_BT601_625),
-    **dict.fromkeys((6, 7), primaries_to_xyz(_BT601_525)),
+    1: np.array(SRGB_TO_XYZ),
+    5: primaries_to_xyz(((0.640, 0.330), (0.290, 0.600), (0.150, 0.060))),
+    **dict.fromkeys((6, 7), primaries_to_xyz(((0.630, 0.340), (0.310, 0.595), (0.155, 0.070)))),
     9: primaries_to_xyz(_BT2020),
-    11: primaries_to_xyz(P3_PRIMARIES, _P3_WHITE),
+    11: primaries_to_xyz(P3_PRIMARIES, (0.314, 0.351)),
     12: primaries_to_xyz(P3_PRIMARIES),
 }
 
@@ -72,8 +74,9 @@ def table_curve(table: DoubleArray) -> Curve:
 
 SRGB = Encoding((decode_srgb,) * 3, SRGB_TO_XYZ, "sRGB")
 LINEAR = Encoding((power_curve(1.0),) * 3, SRGB_TO_XYZ, "linear")
-_ADOBE_TO_XYZ = as_rows(primaries_to_xyz(_ADOBE_RGB))
-ADOBE_RGB = Encoding((power_curve(563 / 256),) * 3, _ADOBE_TO_XYZ, "Adobe RGB")  # (1998), 4.3.4.2
+# Adobe RGB (1998), 4.3.1.1 and 4.3.4.2
+_ADOBE_TO_XYZ = as_rows(primaries_to_xyz(((0.640, 0.330), (0.210, 0.710), (0.150, 0.060))))
+ADOBE_RGB = Encoding((power_curve(563 / 256),) * 3, _ADOBE_TO_XYZ, "Adobe RGB")
 
 
 def space_of(corners: Sequence[float]) -> Matrix | None:
@@ -128,3 +131,82 @@ _CODED_CURVES: dict[int, Curve] = {
     13: decode_srgb,
 }
 _HDR_CURVES = {16: "PQ", 18: "HLG"}  # H.273, table 3
+
+_PROFILE_NAME = "its ICC profile"
+_LARGEST_PROFILE = 4 << 20  # bytes
+_CURVE_CODES = 1 << 16  # at which a curve is read
+_ADDS = 2e-3  # of white: profiles of curves and a matrix differ less from sums of their channels
+
+
+@cache
+def icc_profile(space: str) -> bytes:
+    """Return the profile of a space in `SPACES`; always the same bytes."""
+    return Path(__file__).with_name("profiles").joinpath(f"{space}.icc").read_bytes()
+
+
+def read_profile(profile: bytes) -> Encoding | None:
+    """Return the encoding that a profile describes; None if it is damaged, or of no RGB or grey
+    picture.
+    """
+    try:
+        return _grey_profile(profile) if profile[16:20] == b"GRAY" else _rgb_profile(profile)
+    except InputError:
+        return None
+
+
+def through_tables(pixels: NDArray[Any], peak: int, profile: bytes) -> FloatArray:
+    """Convert codes (H, W, 1 or 3) by a profile of tables to linear light in BT.2020, float32 (H,
+    W, 3).
+
+    `peak` is the code that stands for 1.0. White is 1; nothing is negative.
+    """
+    linear: FloatArray = np.empty((*pixels.shape[:2], 3), np.float32)
+    back = np.linalg.inv(np.array(_REC_2020)).T
+    for rows in strips(len(pixels)):
+        codes = np.broadcast_to(pixels[rows], linear[rows].shape)
+        linear[rows] = np.maximum(_profile_to_xyz(codes / peak, profile) @ back, 0)
+    return linear
+
+
+def _grey_profile(profile: bytes) -> Encoding:
+    ramp = np.linspace(0, 1, _CURVE_CODES)[None]
+    curve = _profile_to_xyz(ramp, profile, "gray")[0, :, 1]
+    return Encoding((table_curve(curve / curve[-1]),) * 3, SRGB_TO_XYZ, _PROFILE_NAME)
+
+
+def _rgb_profile(profile: bytes) -> Encoding:
+    ramps = np.linspace(0, 1, _CURVE_CODES)[:, None] * np.eye(3)[:, None]  # of each channel alone
+    converted = _profile_to_xyz(ramps, profile)
+    matrix = converted[:, -1].T
+    tables = Encoding(LINEAR.curves, _REC_2020, _PROFILE_NAME, profile=profile)
+    white = matrix.sum(axis=1)
+    if np.abs(white - D50).max() > 0.01 or np.linalg.matrix_rank(matrix) < 3:
+        return tables
+    columns = zip(converted, matrix.T, strict=True)
+    curves = [ramp @ column / (column @ column) for ramp, column in columns]
+    colours = np.random.default_rng(0).integers(0, _CURVE_CODES, (1, 64, 3))
+    planes = [curve[colours[..., channel]] for channel, curve in enumerate(curves)]
+    sums = np.stack(planes, axis=-1) @ matrix.T
+    if np.abs(sums - _profile_to_xyz(colours / (_CURVE_CODES - 1), profile)).max() > _ADDS:
+        return tables
+    # Colorants add up to D50 except for rounding, which is corrected so that white stays exactly
+    # neutral.
+    to_xyz = as_rows((D50 / white)[:, None] * matrix)
+    return Encoding(tuple(map(table_curve, curves)), to_xyz, _PROFILE_NAME)
+
+
+def _profile_to_xyz(values: DoubleArray, profile: bytes, kind: str = "rgb") -> DoubleArray:
+    """Convert values 0..1 (H, W, C) to XYZ (H, W, 3), relative to D50. Raises InputError for
+    a damaged profile, and for that of another kind of picture.
+    """
+    import imagecodecs
+
+    if len(profile) > _LARGEST_PROFILE:
+        raise InputError("its colour profile is longer than that of any picture")
+    spaces: dict[str, Any] = {"colorspace": kind, "outcolorspace": "xyz", "outdtype": "f8"}
+    codes, xyz = np.asarray(values, np.float64), imagecodecs.cms_profile("xyz")
+    with guarded():
+        converted: DoubleArray = imagecodecs.cms_transform(codes, profile, xyz, intent=1, **spaces)
+    if not np.isfinite(converted).all():
+        raise InputError("its colour profile has no colours of a picture")
+    return converted

@@ -12,8 +12,7 @@ from ...shared.colorimetry import among, as_rows
 from ...shared.white_balance import shades_of_grey
 from .clipped import with_white_highlights
 from .decoded import Decoded
-from .encoding import LINEAR, SRGB, Encoding
-from .icc import through_tables
+from .encoding import LINEAR, SRGB, Encoding, through_tables
 from .scene import RGB, Scene
 
 # Gehler's colour-checker photographs as L. Shi and B. Funt publish them, the source of the paper's
