@@ -13,17 +13,16 @@ from dataclasses import replace
 from datetime import datetime
 from itertools import chain, product
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...shared import CaptureMetadata, CodeArray, DoubleArray, FloatArray, InputError
 from ...shared.colorimetry import D65_XY, Matrix, adaptation, as_rows, xyz
 from ...shared.dng import metadata_from
 from ...shared.dng.exif import WANTED, printable
 from ...shared.dng.tags import TAG, Photometric, tags_of
-from ...shared.lights import between, illuminant_xy, mixed, share_of
+from ...shared.lights import LightMatrices, between, illuminant_xy, mixed, share_of
 from ...shared.pattern import BAYER_ORDERS
 from ...shared.tiff_reading import StoredDirectories, StoredField, StoredFields, read_directories
 from ...shared.white_balance import clipped_share, normalised, shades_of_grey
@@ -104,17 +103,24 @@ def unpack_raw(path: str, max_pixels: int, quads: bool) -> tuple[CodeArray, Fact
 
     quads: it has to be a Bayer RAW; otherwise it may be any, and there are no facts.
     """
-    with _opened(path, max_pixels) as raw:
-        pattern = bayer_pattern(raw).tolist() if quads else []
+    import rawpy
+
+    with rawpy.RawPy() as raw:
+        with _decoding(path):
+            raw.open_file(path)
+            sizes = raw.sizes
+        check_size(sizes.raw_width, sizes.raw_height, 2, data_bytes(path), max_pixels)
+        with _decoding(path):
+            raw.unpack()
+        filters = bayer_filters(raw) if quads else ""
         _check_mosaic(raw, "give a file with the samples of the sensor")
         with _decoding(path):
             samples, facts = np.array(raw.raw_image_visible), Facts()
-            if pattern:
-                taken = raw.other.timestamp
+            if filters:
+                taken, blacks = raw.other.timestamp, raw.black_level_per_channel
                 facts = {
-                    "pattern": pattern,
-                    "letters": raw.color_desc.decode("ascii", "replace"),
-                    "blacks": [float(level) for level in raw.black_level_per_channel],
+                    "filters": filters,
+                    "blacks": [float(blacks[index]) for index in raw.raw_pattern.flat],
                     # Not camera_white_level_per_channel: some makers set it below samples that are
                     # still linear, and relative to another black.
                     "white": float(raw.white_level),
@@ -131,21 +137,6 @@ def unpack_raw(path: str, max_pixels: int, quads: bool) -> tuple[CodeArray, Fact
                     "exposure_time": float(raw.other.shutter_speed),
                 }
             return samples, facts
-
-
-@contextmanager
-def _opened(path: str, max_pixels: int) -> Iterator[Any]:
-    """In the `with` block, a RAW whose samples LibRaw has read."""
-    import rawpy
-
-    with rawpy.RawPy() as raw:
-        with _decoding(path):
-            raw.open_file(path)
-            sizes = raw.sizes
-        check_size(sizes.raw_width, sizes.raw_height, 2, data_bytes(path), max_pixels)
-        with _decoding(path):
-            raw.unpack()
-        yield raw
 
 
 @contextmanager
@@ -189,14 +180,14 @@ def _quads(samples: CodeArray, facts: Facts, deltas: tuple[FloatArray, FloatArra
     if not rows or not columns:
         area = f"{samples.shape[1]} x {samples.shape[0]} pixels"
         raise InputError(f"the visible area is {area}: no 2 x 2 quad fits")
-    blacks, white, letters = facts["blacks"], facts["white"], facts["letters"]
+    blacks, white = facts["blacks"], facts["white"]
     if not max(blacks) < white:
         levels = f"black level {max(blacks):g} is not below white level {white:g}"
         raise InputError(f"{levels}: the file's levels are damaged")
     rgb: FloatArray = np.zeros((rows, columns, 3), np.float32)
     gone = np.zeros_like(rgb)
-    for (row, column), index in np.ndenumerate(np.array(facts["pattern"])):
-        black, channel = blacks[index], RGB.index(letters[index])
+    for index, letter in enumerate(facts["filters"]):
+        (row, column), black, channel = divmod(index, 2), blacks[index], RGB.index(letter)
         codes = samples[row : 2 * rows : 2, column : 2 * columns : 2]
         limit = saturation(codes, white, black)
         of_rows, of_columns = deltas[0][row::2][:rows], deltas[1][:, column::2][:, :columns]
@@ -221,18 +212,18 @@ def register_quads(rgb: FloatArray, gone: FloatArray, facts: Facts) -> Quads:
     from scipy.ndimage import shift  # takes longer to load than all of ours
 
     registered, clipped = rgb.copy(), gone.copy()
-    for place, index in np.ndenumerate(np.array(facts["pattern"])):
-        if (letter := facts["letters"][index]) != "G":
+    for index, letter in enumerate(facts["filters"]):
+        if letter != "G":
             channel = RGB.index(letter)
-            move = [_QUARTER if step else -_QUARTER for step in place]
+            move = [_QUARTER if step else -_QUARTER for step in divmod(index, 2)]
             moved, top = shift(rgb[..., channel], move, mode="mirror"), rgb[..., channel].max()
             np.clip(moved, 0, top, out=registered[..., channel])
             clipped[..., channel] = shift(gone[..., channel], move, order=1, mode="mirror")
     return registered, clipped
 
 
-def bayer_pattern(raw: Any) -> NDArray[np.uint8]:
-    """Return the colour indices (2, 2) of the first visible quad.
+def bayer_filters(raw: Any) -> str:
+    """Return the letters of the filters of the first visible quad, by rows.
 
     Raises InputError that says what the sensor has instead.
     """
@@ -249,7 +240,7 @@ def bayer_pattern(raw: Any) -> NDArray[np.uint8]:
     if pattern.shape != (2, 2) or filters not in BAYER_ORDERS:
         size = f"{pattern.shape[1]} x {pattern.shape[0]} pixels"
         raise InputError(f"the filters are {filters}, in {size}: {no_quads}")
-    return cast(NDArray[np.uint8], pattern)
+    return filters
 
 
 def _check_mosaic(raw: Any, remedy: str) -> None:
@@ -289,7 +280,7 @@ def camera_scene(
             figures = ", ".join(f"{value:.3f}" for value in neutral)
             estimate = f"neutral {figures} is estimated from the scene"
         notes.append(f"the file has no white balance: {estimate}")
-    matrix = colour_matrix(fields, neutral, facts and facts["matrix"])
+    matrix = colour_matrix(fields, neutral, facts and facts["matrix"]) if neutral else None
     if matrix is None:
         effect = "colours can be balanced, but not matched"
         notes.append(f"the camera's colour matrix is unknown: {effect}")
@@ -316,17 +307,20 @@ def _as_shot(fields: StoredFields, facts: Facts | None) -> tuple[float, ...] | N
     return normalised(1 / stated if facts else stated)
 
 
-def colour_matrix(
-    tags: StoredFields, neutral: tuple[float, ...] | None, fallback: Any = None
-) -> Matrix | None:
-    """Return the matrix from camera RGB to XYZ: from a DNG's ColorMatrix, or else `fallback` (3,
-    3), for D65; None without one.
+def colour_matrix(tags: StoredFields, neutral: tuple[float, ...], fallback: Any) -> Matrix | None:
+    """Return the matrix from camera RGB to XYZ (D50 white) under the light of the shot, which takes
+    `neutral` to D50: from a DNG's ColorMatrix, or else `fallback` (3, 3), for D65; None without
+    one.
 
     With matrices for two lights it is the one for the light of the neutral, see `between`. What
-    this camera reads of what its model reads is a factor (DNG 1.7.1, chapter 6).
+    this camera reads of what its model reads is a factor (DNG 1.7.1, chapter 6). With one,
+    DNG 1.7.1 maps camera RGB to XYZ by ForwardMatrix diag(1 / neutral). A ColorMatrix M implies a
+    ForwardMatrix: under its illuminant w the camera's neutral is n = M w, so F = Bradford(w -> D50)
+    M^-1 diag(n), and F (1, 1, 1) = D50. Balancing in camera RGB also works far from w, where M^-1
+    neutral may not even be a real colour. Raises numpy.linalg.LinAlgError for a singular matrix.
+
+    neutral: (3,), what white reads in camera RGB under the light of the shot; largest entry 1.
     """
-    if neutral is None:
-        return None
     lights, own = _calibrated(tags)
     if len(lights) == 2 and (found := between(lights, neutral, own)):
         return found
@@ -335,13 +329,12 @@ def colour_matrix(
     if not lights:
         return None
     nearest = min(range(len(lights)), key=lambda index: abs(lights[index][0][0] - D65_XY[0]))
-    xy, matrix = lights[nearest]
-    return camera_to_xyz(own[nearest] @ matrix, neutral, xy)
+    white, to_camera = xyz(*lights[nearest][0]), own[nearest] @ lights[nearest][1]
+    forward = adaptation(white) @ np.linalg.inv(to_camera) @ np.diag(to_camera @ white)
+    return as_rows(forward / np.array(neutral))
 
 
-def _calibrated(
-    tags: StoredFields,
-) -> tuple[list[tuple[tuple[float, float], DoubleArray]], list[DoubleArray]]:
+def _calibrated(tags: StoredFields) -> tuple[LightMatrices, list[DoubleArray]]:
     """Return the chromaticity of each light, two at most, and DNG's ColorMatrix for it; and for
     each AnalogBalance times CameraCalibration.
     """
@@ -370,42 +363,13 @@ def _neutral_under(tags: StoredFields) -> tuple[float, ...] | None:
     return normalised(reading) if reading.min() > 0 else None
 
 
-def camera_to_xyz(
-    xyz_to_camera: DoubleArray, neutral: tuple[float, ...], illuminant: tuple[float, float] = D65_XY
-) -> Matrix:
-    """Return the matrix from camera RGB to XYZ (D50 white) under the light of the shot; it takes
-    `neutral` to D50 exactly.
-
-    DNG 1.7.1, chapter 6, maps camera RGB to XYZ by ForwardMatrix diag(1 / neutral). A ColorMatrix M
-    implies a ForwardMatrix: under its illuminant w the camera's neutral is n = M w, so F =
-    Bradford(w -> D50) M^-1 diag(n), and F (1, 1, 1) = D50. Balancing in camera RGB also works far
-    from w, where M^-1 neutral may not even be a real colour. Raises numpy.linalg.LinAlgError for a
-    singular matrix.
-
-    Parameters
-    ----------
-    xyz_to_camera : DoubleArray
-        (3, 3), DNG's ColorMatrix, made for the light `illuminant`.
-    neutral : tuple[float, ...]
-        (3,), what white reads in camera RGB under the light of the shot; largest entry 1.
-    illuminant : tuple[float, float], optional
-        CIE x, y.
-    """
-    white = xyz(*illuminant)
-    forward = adaptation(white) @ np.linalg.inv(xyz_to_camera) @ np.diag(xyz_to_camera @ white)
-    return as_rows(forward / np.array(neutral))
-
-
 def _usable(values: Any) -> DoubleArray | None:
     """Return a ColorMatrix, (3, 3); None if it is none, or says nothing."""
-    try:
-        matrix = np.array(values, np.float64).reshape(3, 3)
-    except (TypeError, ValueError, ArithmeticError):
-        return None
+    figures = np.array(values, np.float64)
+    matrix = figures.reshape(3, 3) if figures.size == 9 else np.eye(3)
     # DNG requires a matrix: programs that do not know the camera write a unit matrix.
-    if not np.isfinite(matrix).all() or np.allclose(matrix, np.eye(3)):
-        return None
-    return matrix if np.linalg.matrix_rank(matrix) == 3 else None
+    says_something = np.isfinite(matrix).all() and not np.allclose(matrix, np.eye(3))
+    return matrix if says_something and np.linalg.matrix_rank(matrix) == 3 else None
 
 
 def _numbers(tags: StoredFields, tag: int) -> tuple[float, ...]:

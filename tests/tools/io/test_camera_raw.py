@@ -20,7 +20,7 @@ from panchroma.shared import CodeArray, FloatArray, InputError
 from panchroma.shared.colorimetry import D50, adaptation, xyz
 from panchroma.shared.lights import ILLUMINANTS, illuminant_xy, temperature, to_one
 from panchroma.shared.pattern import BAYER_ORDERS
-from panchroma.tools.io.camera_raw import bayer_pattern, raw_directories
+from panchroma.tools.io.camera_raw import bayer_filters, raw_directories
 from panchroma.tools.io.clipped import saturation, with_white_highlights
 from panchroma.tools.io.scene import Scene
 from panchroma.tools.simulation.load import load_scene
@@ -212,7 +212,7 @@ def test_other_quads_are_refused(letters: str) -> None:
     raw = SimpleNamespace(raw_type=rawpy.RawType.Flat, raw_image=1, num_colors=4)
     raw.color_desc, raw.raw_pattern = letters.encode(), np.arange(4).reshape(2, 2)
     with pytest.raises(InputError, match=f"the filters are {letters}"):
-        bayer_pattern(raw)
+        bayer_filters(raw)
 
 
 # --- linear DNGs ---------------------------------------------------------------------------------
