@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...shared import CaptureMetadata, InputError
 from ...shared.tiff_reading import StoredField, read_directories
-from .encoding import ADOBE_RGB, SRGB, Encoding, read_profile
+from .encoding import ADOBE_RGB, SRGB, Encoding
 from .scene import RGB, scene_channels
 
 _MOST_SAMPLES = 4  # of a picture: RGB and transparency
@@ -69,13 +69,7 @@ class PictureFormat(NamedTuple):
 
 
 def channels_of(
-    count: int,
-    requested: str,
-    notes: list[str],
-    *,
-    alpha: bool = False,
-    colour: bool = False,
-    pages: int = 1,
+    count: int, requested: str, notes: list[str], *, declared: bool = False, pages: int = 1
 ) -> str:
     """Return which channels `count` samples per pixel without names are: `requested`, or "" for a
     grey or RGB picture.
@@ -87,22 +81,19 @@ def channels_of(
     ----------
     notes : list[str]
         Gets remarks for the user.
-    alpha : bool, optional
-        One of them is declared to be transparency.
-    colour : bool, optional
-        Three of them are declared to be red, green and blue.
+    declared : bool, optional
+        They are declared to be red, green and blue, or one of them to be transparency.
     pages : int, optional
         That they come from.
     """
     stacked = f"{pages} pages" if pages > 1 else f"{count} channels"
-    of_rgb = set(scene_channels(requested)) <= set(RGB)
-    if count == len(requested) and not alpha and not (count == len(RGB) and (colour or of_rgb)):
+    of_rgb = count == len(RGB) and set(scene_channels(requested)) <= set(RGB)
+    known = declared or of_rgb
+    if count == len(requested) and not known:
         order = f"{', '.join(requested)}, in this order"
         notes.append(f"its {stacked} have no names: they are taken as linear light of {order}")
         return requested
-    of_pages = pages > 1 and not (count == len(RGB) and of_rgb)
-    known = alpha or (count == len(RGB) and (of_rgb or colour))
-    if count > 1 and (count > _MOST_SAMPLES or of_pages or not known):
+    if count > 1 and (count > _MOST_SAMPLES or not known or (pages > 1 and not of_rgb)):
         pattern = f"the pattern the {len(requested)} channels {requested}"
         raise InputError(
             f"has {stacked}, and {pattern}; a scene has as many channels as the pattern "
@@ -122,18 +113,6 @@ def without_alpha(pixels: NDArray[Any], notes: list[str]) -> NDArray[Any]:
         return pixels
     notes.append("transparency is left out")
     return pixels[..., :-1]
-
-
-def profile_encoding(profile: bytes | None, notes: list[str]) -> Encoding | None:
-    """Return the encoding that an embedded ICC profile declares; None without one, and for one that
-    is not read.
-
-    notes: gets a remark for the user.
-    """
-    encoding = read_profile(bytes(profile)) if profile else None
-    if profile and not encoding:
-        notes.append("the embedded colour profile is damaged; it is ignored")
-    return encoding
 
 
 def exif_encoding(exif: IO[bytes], notes: list[str]) -> Encoding | None:

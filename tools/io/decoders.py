@@ -22,8 +22,8 @@ from ...shared.reading import read_whole
 from ...shared.tiff_reading import StoredField, read_directories
 from . import decoded
 from .damage import data_bytes, guarded
-from .decoded import Decoded, PictureFormat, exif_encoding, profile_encoding, remark_on_unused
-from .encoding import SRGB, Encoding, coded_encoding, power_curve, space_of
+from .decoded import Decoded, PictureFormat, exif_encoding, remark_on_unused
+from .encoding import SRGB, Encoding, coded_encoding, power_curve, profile_encoding, space_of
 from .limited import Facts, run_limited
 from .scene import RGB, check_size, scene_channels
 from .tiff import TIFF

@@ -144,14 +144,18 @@ def icc_profile(space: str) -> bytes:
     return Path(__file__).with_name("profiles").joinpath(f"{space}.icc").read_bytes()
 
 
-def read_profile(profile: bytes) -> Encoding | None:
-    """Return the encoding that a profile describes; None if it is damaged, or of no RGB or grey
-    picture.
+def profile_encoding(profile: bytes, notes: list[str]) -> Encoding | None:
+    """Return the encoding that an embedded ICC profile declares; None for b"", and for one that is
+    damaged, or of no RGB or grey picture.
+
+    notes: gets a remark for the user.
     """
     try:
-        return _grey_profile(profile) if profile[16:20] == b"GRAY" else _rgb_profile(profile)
+        if profile:
+            return _grey_profile(profile) if profile[16:20] == b"GRAY" else _rgb_profile(profile)
     except InputError:
-        return None
+        notes.append("the embedded colour profile is damaged; it is ignored")
+    return None
 
 
 def through_tables(pixels: NDArray[Any], peak: int, profile: bytes) -> FloatArray:

@@ -29,6 +29,8 @@ from .versions import install_command
 
 Facts = dict[str, Any]
 """Whatever JSON holds, by name."""
+Answer = tuple[NDArray[Any], Facts]
+"""Samples (H, W) or (H, W, C), and what is known of them."""
 
 _SECONDS, _SECONDS_PER_BYTE = 0.25, 0.5e-6  # a camera's RAW takes 0.05 seconds per megabyte
 _BYTES, _BYTES_PER_BYTE = 192 << 20, 40  # a RAW of 24 megapixels takes 300 MB, and has at least 10
@@ -47,11 +49,8 @@ _START = (
 
 
 def run_limited(
-    file: Path,
-    modules: tuple[str, ...],
-    function: Callable[..., tuple[NDArray[Any], Facts]],
-    *arguments: str | int,
-) -> tuple[NDArray[Any], Facts]:
+    file: Path, modules: tuple[str, ...], function: Callable[..., Answer], *arguments: str | int
+) -> Answer:
     """Call `function`, which reads `file`, in a new process, and return its result: samples (H, W)
     or (H, W, C), and facts.
 
@@ -69,7 +68,7 @@ def run_limited(
         and more for each byte.
     modules : tuple[str, ...]
         Imported before the limits apply.
-    function : Callable[..., tuple[NDArray[Any], Facts]]
+    function : Callable[..., Answer]
         Defined at the top level of a module.
     """
     size = data_bytes(file)

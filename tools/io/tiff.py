@@ -17,7 +17,7 @@ from ...shared.tiff_check import PLAIN, check_directories, check_page
 from . import decoded
 from .damage import check_strips, data_bytes, guarded
 from .decoded import MOST_PAGES, Decoded, PictureFormat, channels_of, remark_on_unused
-from .encoding import SRGB, Curve, Encoding, space_of, table_curve
+from .encoding import SRGB, Curve, Encoding, profile_encoding, space_of, table_curve
 from .scene import RGB, check_size
 
 # TIFF 6.0, sections 8 and 20; the ICC profile.
@@ -61,10 +61,10 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
         if not samples or first.imagedepth != 1 or first.tiledepth != 1:
             found = f"{samples} samples per pixel and {first.imagedepth} planes in depth"
             raise InputError(f"the TIFF has {found}; expected a picture")
-        alpha = any(kind in _ALPHA for kind in first.extrasamples)
-        colour = first.photometric == tifffile.PHOTOMETRIC.RGB
         count = samples * len(pages)
-        letters = channels_of(count, channels, notes, pages=len(pages), alpha=alpha, colour=colour)
+        is_rgb = first.photometric == tifffile.PHOTOMETRIC.RGB and count == len(RGB)
+        declared = is_rgb or any(kind in _ALPHA for kind in first.extrasamples)
+        letters = channels_of(count, channels, notes, declared=declared, pages=len(pages))
         # a grey scene has three planes as well
         pixel_bytes = max(count, 3) * max(1, first.bitspersample // 8)
         check_size(first.imagewidth, first.imagelength, pixel_bytes, held, max_pixels)
@@ -81,7 +81,7 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
         peak = _peak(first, pixels, notes)
         with guarded(path):
             profile = bytes(first.tags.valueof(TAG["InterColorProfile"], b""))
-        encoding = decoded.profile_encoding(profile, notes) or _declared(first, notes)
+        encoding = profile_encoding(profile, notes) or _declared(first, notes)
         if encoding is None and peak:
             encoding = decoded.exif_encoding(stream, notes)
         metadata = read_metadata(stream)

@@ -45,6 +45,7 @@ _APP1, _APP2 = 0xE1, 0xE2
 _SAME_PRIMARIES, _UNIT = 0x40, 10**6  # ISO's metadata: a flag, and the denominator of all fractions
 _PRIMARY = 0x30000  # the type of the first picture in a Multi-Picture file: baseline primary image
 
+_XMP_NAMES = "GainMapMin GainMapMax Gamma OffsetSDR OffsetHDR HDRCapacityMin HDRCapacityMax"
 _PACKET = (
     '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
     '<rdf:Description rdf:about="" xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/" '
@@ -164,16 +165,9 @@ def _described(xmp: bytes, iso: bytes) -> bytes:
 
 def _xmp(gains: GainMap, capacity: float) -> bytes:
     """The metadata of a gain map in XMP; gains and capacities are logarithms to the base 2."""
-    values = {
-        "GainMapMin": 0.0,
-        "GainMapMax": gains.highest,
-        "Gamma": 1.0,
-        "OffsetSDR": OFFSET,
-        "OffsetHDR": OFFSET,
-        "HDRCapacityMin": 0.0,
-        "HDRCapacityMax": capacity,
-    }
-    attributes = "".join(f' hdrgm:{name}="{value:.6f}"' for name, value in values.items())
+    values = 0.0, gains.highest, 1.0, OFFSET, OFFSET, 0.0, capacity
+    named = zip(_XMP_NAMES.split(), values, strict=True)
+    attributes = "".join(f' hdrgm:{name}="{value:.6f}"' for name, value in named)
     return _PACKET.format(f'{attributes} hdrgm:BaseRenditionIsHDR="False">').encode()
 
 
