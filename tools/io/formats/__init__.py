@@ -1,10 +1,9 @@
 """The formats of picture files."""
 
 from .at_once import JpegXl, NumPy, OpenExr, Png
-from .dng import LinearDng
 from .format import Format
 from .jpg import Jpeg
-from .tif import Tiff
+from .tif import LinearDng, Tiff
 from .uhdr import UltraHdr
 
 _ALL = Tiff(), Png(), Jpeg(), JpegXl(), UltraHdr(), LinearDng(), OpenExr(), NumPy()
