@@ -27,7 +27,7 @@ from panchroma.tools.io.development import CAMERA
 from panchroma.tools.io.display import SPACES, ColourTransform, quantise, upright
 from panchroma.tools.io.encoding import SRGB, icc_profile
 from panchroma.tools.io.formats import FORMATS
-from panchroma.tools.io.formats.uhdr import GainMap
+from panchroma.tools.io.formats.jpg import GainMap
 from panchroma.tools.io.kind import PictureKind, write_picture
 from panchroma.tools.simulation.load import load_scene
 from tests.exiftool import fields

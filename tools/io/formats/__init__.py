@@ -2,9 +2,8 @@
 
 from .at_once import JpegXl, NumPy, OpenExr, Png
 from .format import Format
-from .jpg import Jpeg
+from .jpg import Jpeg, UltraHdr
 from .tif import LinearDng, Tiff
-from .uhdr import UltraHdr
 
 _ALL = Tiff(), Png(), Jpeg(), JpegXl(), UltraHdr(), LinearDng(), OpenExr(), NumPy()
 FORMATS: dict[str, Format] = {written.name: written for written in _ALL}
