@@ -66,7 +66,7 @@ class PictureKind(FileKind):
     @property
     def suffix(self) -> str:
         """The end of the file's name, with the dot."""
-        return self.kept_as.suffix
+        return f".{self.kept_as.ending or self.format}"
 
 
 def _known(name: str) -> Format:

@@ -25,11 +25,13 @@ class Format(ABC):
     Attributes
     ----------
     name : ClassVar[str]
-        Of the format, and the end of its files' names.
+        Of the format, and the end of its files' names unless `ending` is.
     spaces : ClassVar[Mapping[str, tuple[int, ...]]]
         Space -> bits; the first that fits is the default. Integers hold only 0..1, so they are for
         spaces with these limits. Programs show JPEG, PNG and integer TIFF as they are, so linear
         light in them would look too dark.
+    ending : ClassVar[str]
+        The end of its files' names, without the dot; "" = the name.
     aliases : ClassVar[tuple[str, ...]]
         What else it is called.
     about : ClassVar[str]
@@ -49,17 +51,13 @@ class Format(ABC):
 
     name: ClassVar[str]
     spaces: ClassVar[Mapping[str, tuple[int, ...]]]
+    ending: ClassVar[str] = ""
     aliases: ClassVar[tuple[str, ...]] = ()
     about: ClassVar[str] = ""
     has_quality: ClassVar[bool] = False
     in_bands: ClassVar[bool] = False
     longest_side: ClassVar[int | None] = None
     memory_per_pixel: ClassVar[float] = 0.0
-
-    @property
-    def suffix(self) -> str:
-        """The end of its files' names, with the dot."""
-        return f".{self.name}"
 
     def check(self, development: Development) -> None:
         """Raise InputError if such a picture cannot be in this format, or cannot be developed as

@@ -223,14 +223,9 @@ class UltraHdr(Jpeg):
     four: RGB, and the gain.
     """
 
-    name, aliases = "uhdr", ()
+    name, ending, aliases = "uhdr", "jpg", ()
     about = "Ultra HDR, a JPEG with a map of gains for HDR displays"
     memory_per_pixel = 2 * Jpeg.memory_per_pixel
-
-    @property
-    def suffix(self) -> str:
-        """Implement `Format`."""
-        return ".jpg"
 
     def samples(self, rgb: FloatArray, development: Development) -> NDArray[Any]:
         """Implement `Format`."""
