@@ -1,32 +1,138 @@
-"""Decoders: picture files to arrays as stored.
+"""Decoders: picture files to arrays as stored; and what all of them share: what they return, names
+of channels, transparency.
 
 Each checks the declared size before it decodes pixels, and raises InputError for whatever the
 decoding library raises. The messages do not name the file: the caller does.
 """
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from io import BytesIO
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...shared import CaptureMetadata
 from ...shared.dng import read_metadata
 from ...shared.errors import InputError
 from ...shared.jpeg_check import read_header
 from ...shared.reading import read_whole
 from ...shared.tiff_reading import StoredField, read_directories
-from . import decoded
+from . import encoding as encodings
 from .damage import data_bytes, guarded
-from .decoded import Decoded, PictureFormat, exif_encoding, remark_on_unused
-from .encoding import SRGB, Encoding, coded_encoding, power_curve, profile_encoding, space_of
+from .encoding import SRGB, Encoding
 from .limited import Facts, run_limited
 from .scene import RGB, check_size, scene_channels
-from .tiff import TIFF
+
+_MOST_SAMPLES = 4  # of a picture: RGB and transparency
+
+
+@dataclass(frozen=True, eq=False)
+class Decoded:
+    """A decoded picture, its values as stored in the file.
+
+    Attributes
+    ----------
+    pixels : NDArray[Any]
+        (H, W, C), C = 1 for a grey picture, otherwise one for each channel.
+    peak : int | None
+        The integer that stands for 1.0; None for floating point.
+    encoding : Encoding | None
+        How the file says its values are encoded; None if it does not say.
+    metadata : CaptureMetadata
+        Capture data.
+    notes : Sequence[str]
+        Remarks for the user, such as what was left out.
+    channels : str
+        Letters of the channels; a grey picture has them all alike.
+    """
+
+    pixels: NDArray[Any]
+    peak: int | None
+    encoding: Encoding | None = None
+    metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
+    notes: Sequence[str] = ()
+    channels: str = RGB
+
+
+class PictureFormat(NamedTuple):
+    """A format of picture files.
+
+    Attributes
+    ----------
+    name : str
+        For people.
+    start : bytes
+        Pattern (`re`) of the first bytes.
+    endings : tuple[str, ...]
+        Of the names of its files, the usual one first.
+    decode : Callable[[Path, int, str], Decoded]
+        (file, limit of pixels, channels of the pattern that will see it) -> picture.
+    """
+
+    name: str
+    start: bytes
+    endings: tuple[str, ...]
+    decode: Callable[[Path, int, str], Decoded]
+
+
+def channels_of(
+    count: int, requested: str, notes: list[str], *, declared: bool = False, pages: int = 1
+) -> str:
+    """Return which channels `count` samples per pixel without names are: `requested`, or "" for a
+    grey or RGB picture.
+
+    Raises InputError when there are more samples than a picture has, or one that is neither a
+    colour nor declared to be transparency, and another number than `requested`.
+
+    Parameters
+    ----------
+    notes : list[str]
+        Gets remarks for the user.
+    declared : bool, optional
+        They are declared to be red, green and blue, or one of them to be transparency.
+    pages : int, optional
+        That they come from.
+    """
+    stacked = f"{pages} pages" if pages > 1 else f"{count} channels"
+    of_rgb = count == len(RGB) and set(scene_channels(requested)) <= set(RGB)
+    known = declared or of_rgb
+    if count == len(requested) and not known:
+        order = f"{', '.join(requested)}, in this order"
+        notes.append(f"its {stacked} have no names: they are taken as linear light of {order}")
+        return requested
+    if count > 1 and (count > _MOST_SAMPLES or not known or (pages > 1 and not of_rgb)):
+        pattern = f"the pattern the {len(requested)} channels {requested}"
+        raise InputError(
+            f"has {stacked}, and {pattern}; a scene has as many channels as the pattern "
+            "(`pattern`), or red, green and blue: leave others out (array[..., :3]), declare "
+            "transparency (ExtraSamples of a TIFF), or in Python name those of an array with bands"
+        )
+    return ""
+
+
+def without_alpha(pixels: NDArray[Any], notes: list[str]) -> NDArray[Any]:
+    """Return (H, W) or (H, W, 1 to 4) without a transparency channel, (H, W, 1 or 3).
+
+    notes: gets a remark for the user.
+    """
+    pixels = np.atleast_3d(pixels)
+    if pixels.shape[2] in (1, 3):
+        return pixels
+    notes.append("transparency is left out")
+    return pixels[..., :-1]
+
+
+def remark_on_unused(names: Iterable[str], notes: list[str]) -> None:
+    """Add one remark for the user on what a file has besides, and is not used, to its notes."""
+    if listed := ", ".join(names):
+        notes.append(f"not used: {listed}")
+
 
 _NPY_HEADER = 1 << 16
 _LONGEST_NAMES = 200  # characters: channels that a message lists
@@ -63,13 +169,13 @@ def decode_array(array: NDArray[Any], channels: str = RGB) -> Decoded:
         expected = f"unsigned integers or floating point, {shapes}"
         raise InputError(f"the array is {array.dtype} of shape {array.shape}; expected {expected}")
     notes: list[str] = []
-    letters = decoded.channels_of(count, channels, notes)
+    letters = channels_of(count, channels, notes)
     pixels = np.atleast_3d(np.array(array))
     peak = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None
     return Decoded(pixels, peak, notes=notes, channels=letters or RGB)
 
 
-_NPY = PictureFormat("NPY", rb"\x93NUMPY", (".npy",), decode_npy)
+NPY = PictureFormat("NPY", rb"\x93NUMPY", (".npy",), decode_npy)
 
 
 _MOST_PER_PIXEL, _MOST_BESIDE = 16, 32 << 20  # bytes: twice its samples; profile and capture data
@@ -100,7 +206,7 @@ def decode_png(path: Path, max_pixels: int, channels: str) -> Decoded:
     png, beside = _chunks(path, _MOST_PER_PIXEL * width * height + _MOST_BESIDE)
     with guarded():
         samples = imagecodecs.png_decode(png)
-    pixels, peak = decoded.without_alpha(samples, notes), 65535 if wide else 255
+    pixels, peak = without_alpha(samples, notes), 65535 if wide else 255
     encoding = _encoding(beside, peak, notes)
     if b"acTL" in beside:
         remark_on_unused(["the animation"], notes)
@@ -168,7 +274,7 @@ def _encoding(beside: dict[bytes, bytes], peak: int, notes: list[str]) -> Encodi
     notes: gets a remark for the user.
     """
     if b"cICP" in beside:
-        if encoding := coded_encoding(beside[b"cICP"], peak):
+        if encoding := encodings.coded_encoding(beside[b"cICP"], peak):
             return encoding
         code = " ".join(map(str, beside[b"cICP"][:4]))
         remark_on_unused([f"cICP {code}, an encoding that this program does not read"], notes)
@@ -177,7 +283,7 @@ def _encoding(beside: dict[bytes, bytes], peak: int, notes: list[str]) -> Encodi
         profile, compressed = b"", beside[b"iCCP"].partition(b"\0")[2][1:]
         with suppress(zlib.error):
             profile = zlib.decompressobj().decompress(compressed, _LONGEST_BESIDE)
-        if encoding := profile_encoding(profile or compressed or b"none", notes):
+        if encoding := encodings.profile_encoding(profile or compressed or b"none", notes):
             return encoding
     return SRGB if b"sRGB" in beside else _gamma_and_primaries(beside)
 
@@ -186,17 +292,17 @@ def _gamma_and_primaries(beside: dict[bytes, bytes]) -> Encoding | None:
     """The encoding that gAMA and cHRM declare; the curve alone is not declared without gAMA."""
     gamma = int.from_bytes(beside.get(b"gAMA", b""), "big") / 100000
     corners = np.frombuffer(beside.get(b"cHRM", b"").ljust(32, b"\0")[:32], ">u4") / 100000
-    to_xyz = space_of([*corners[2:], *corners[:2]])  # white is the first
+    to_xyz = encodings.space_of([*corners[2:], *corners[:2]])  # white is the first
     if not 0.1 < gamma < 10:
         return Encoding((), to_xyz, "primaries alone") if to_xyz else None
     to_xyz = to_xyz or SRGB.to_xyz
     # sRGB files give this gamma for old readers
     if abs(gamma - 1 / 2.2) < 0.005 and np.allclose(to_xyz, SRGB.to_xyz, atol=0.002):
         return SRGB
-    return Encoding((power_curve(1 / gamma),) * 3, to_xyz, f"gamma {gamma:.4g}")
+    return Encoding((encodings.power_curve(1 / gamma),) * 3, to_xyz, f"gamma {gamma:.4g}")
 
 
-_PNG = PictureFormat("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png)
+PNG = PictureFormat("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png)
 
 
 _LARGEST_JPEG = 1 << 30  # bytes, read whole
@@ -229,7 +335,8 @@ def decode_jpeg(path: Path, max_pixels: int, channels: str) -> Decoded:
     # The chunks of a profile begin with their number, and how many there are.
     chunks = sorted(header.held(_PROFILE), key=lambda chunk: chunk[:1])
     profile = b"".join(chunk[2:] for chunk in chunks)
-    encoding = profile_encoding(profile, notes) or exif_encoding(BytesIO(header.exif), notes)
+    encoding = encodings.profile_encoding(profile, notes)
+    encoding = encoding or encodings.exif_encoding(BytesIO(header.exif), notes)
     if any(mark in jpeg for mark in _GAIN_MAPS):
         plain = "this is the plain picture, whose highlights end at white"
         remark_on_unused([f"a gain map for HDR ({plain})"], notes)
@@ -246,7 +353,7 @@ def _others(segments: Sequence[bytes]) -> int:
     return len(kinds) - kinds.count(_PREVIEW)
 
 
-_JPEG = PictureFormat("JPEG", rb"\xff\xd8\xff", (".jpg", ".jpeg", ".jpe", ".jfif"), decode_jpeg)
+JPEG = PictureFormat("JPEG", rb"\xff\xd8\xff", (".jpg", ".jpeg", ".jpe", ".jfif"), decode_jpeg)
 
 
 def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
@@ -258,7 +365,7 @@ def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
     if pixels.dtype.kind != "f" or pixels.ndim != 3:
         labels = f"the EXR holds whole numbers ({pixels.dtype}), which are labels and no light"
         raise InputError(f"{labels}; save it as half or float")
-    matrix, more = space_of(facts["chromaticities"]), facts["parts"] - 1
+    matrix, more = encodings.space_of(facts["chromaticities"]), facts["parts"] - 1
     encoding = Encoding((), matrix, "the file's chromaticities") if matrix else None
     notes: list[str] = []
     names = f"the channels {facts['unused']}" if facts["unused"] else ""
@@ -302,9 +409,4 @@ def unpack_exr(path: str, max_pixels: int, requested: str) -> tuple[NDArray[Any]
     return pixels, facts | {"parts": len(parts)}
 
 
-_EXR = PictureFormat("EXR", rb"\x76\x2f\x31\x01", (".exr",), decode_exr)
-
-FORMATS = (_PNG, _JPEG, _EXR, _NPY, TIFF)
-"""All formats; whether what begins like a TIFF is a picture depends on more than its first
-bytes.
-"""
+EXR = PictureFormat("EXR", rb"\x76\x2f\x31\x01", (".exr",), decode_exr)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 from ...shared.arrays import DoubleArray, FloatArray, strips
 from ...shared.colorimetry import D50, SRGB_TO_XYZ, Matrix, as_rows, primaries_to_xyz
 from ...shared.errors import InputError
+from ...shared.tiff_reading import StoredField, read_directories
 from .colour import P3_PRIMARIES, decode_srgb
 from .damage import guarded
 
 Curve = Callable[[DoubleArray], DoubleArray]  # encoded values, 0..1 -> linear light, 0..1
 
+_COLOR_SPACE, _INTEROPERABILITY_INDEX = 40961, 1  # Exif tags
 _LINEAR = 2e-3  # largest deviation from the identity of a curve that is called linear
 _BT2020 = ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046))
 _REC_2020 = as_rows(primaries_to_xyz(_BT2020))  # to XYZ (D50)
@@ -90,6 +92,28 @@ def space_of(corners: Sequence[float]) -> Matrix | None:
         except (ArithmeticError, ValueError):  # NumPy's error of a singular matrix is a ValueError
             return None
     return as_rows(matrix) if np.isfinite(matrix).all() and np.linalg.cond(matrix) < 1e4 else None
+
+
+def exif_encoding(exif: IO[bytes], notes: list[str]) -> Encoding | None:
+    """Return the encoding that a block of Exif declares; None without one.
+
+    ColorSpace is 1 for sRGB and 65535 for any other space (CIPA DC-008, 4.6.6). Of those, cameras
+    have Adobe RGB, and mark it by the interoperability index R03 (DCF 2.0, CIPA DC-009); some write
+    2 for it.
+
+    notes: gets a remark for the user.
+    """
+    stored = read_directories(exif, {_COLOR_SPACE, _INTEROPERABILITY_INDEX})
+    space = stored.exif.get(_COLOR_SPACE, StoredField(0)).numbers[:1]
+    option = stored.interoperability.get(_INTEROPERABILITY_INDEX, StoredField(0)).data[:3]
+    if space == (1,):
+        return SRGB
+    if space == (2,) or option == b"R03":
+        return ADOBE_RGB
+    if space and option != b"R98":
+        unnamed = "the colours are not those of sRGB, and not which they are"
+        notes.append(f"Exif says that {unnamed}; sRGB's are assumed")
+    return None
 
 
 def coded_encoding(code: bytes, peak: int) -> Encoding | None:

@@ -21,7 +21,7 @@ from ...shared.white_balance import clipped_share
 from .camera_raw import camera_scene
 from .clipped import SHOULDER, saturation
 from .damage import check_strips, data_bytes, guarded
-from .decoded import remark_on_unused
+from .decoders import remark_on_unused
 from .scene import Scene, check_size
 from .tiff import beside, opened_tiff, tag_numbers
 

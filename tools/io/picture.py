@@ -11,7 +11,7 @@ from ...shared import FloatArray, InputError
 from ...shared.colorimetry import among, as_rows
 from ...shared.white_balance import shades_of_grey
 from .clipped import with_white_highlights
-from .decoded import Decoded
+from .decoders import Decoded
 from .encoding import LINEAR, SRGB, Encoding, through_tables
 from .scene import RGB, Scene
 

@@ -14,16 +14,17 @@ from ...shared.colorimetry import D65_XY
 from ...shared.dng import read_metadata
 from ...shared.dng.tags import TAG, tags_of
 from ...shared.tiff_check import PLAIN, check_directories, check_page
-from . import decoded
+from . import decoders
 from .damage import check_strips, data_bytes, guarded
-from .decoded import MOST_PAGES, Decoded, PictureFormat, channels_of, remark_on_unused
-from .encoding import SRGB, Curve, Encoding, profile_encoding, space_of, table_curve
+from .decoders import Decoded, PictureFormat, channels_of, remark_on_unused
+from .encoding import SRGB, Curve, Encoding, exif_encoding, profile_encoding, space_of, table_curve
 from .scene import RGB, check_size
 
 # TIFF 6.0, sections 8 and 20; the ICC profile.
 _MAX_SAMPLE = "MaxSampleValue", "SMaxSampleValue"
 _READ = tags_of("WhitePoint PrimaryChromaticities InterColorProfile " + " ".join(_MAX_SAMPLE))
 _RATIONALS = (5, 10)  # field types RATIONAL and SRATIONAL
+_MOST_PAGES = 26  # that are taken together: one more than a pattern has channels
 _ALPHA = (1, 2)  # ExtraSamples: associated and unassociated
 # None, LZW, Deflate (two codes), PackBits, LZMA, Zstandard. All others declare a size of their own,
 # which decoders believe.
@@ -47,8 +48,8 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
     with opened_tiff(path, _READ) as (stream, file, several):
         if several:
             with suppress(InputError):  # pages behind a damaged one are left out
-                check_directories(stream, {*tifffile.TIFF.TAG_LOAD, *_READ}, MOST_PAGES)
-                most = MOST_PAGES
+                check_directories(stream, {*tifffile.TIFF.TAG_LOAD, *_READ}, _MOST_PAGES)
+                most = _MOST_PAGES
         full, others = _full_pictures(file, most)
         first = full[0]
         check_page(first)
@@ -74,7 +75,7 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
         planes = [_page_pixels(page) for page in pages]
         pixels = planes[0] if len(planes) == 1 else np.concatenate(planes, axis=-1)
         if not letters:
-            pixels = decoded.without_alpha(pixels, notes)
+            pixels = decoders.without_alpha(pixels, notes)
         if len(pages) == 1 and (len(full) > 1 or (several and most == 1)):
             notes.append("the file has several pages; only the first is used")
         remark_on_unused(others, notes)
@@ -83,7 +84,7 @@ def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
             profile = bytes(first.tags.valueof(TAG["InterColorProfile"], b""))
         encoding = profile_encoding(profile, notes) or _declared(first, notes)
         if encoding is None and peak:
-            encoding = decoded.exif_encoding(stream, notes)
+            encoding = exif_encoding(stream, notes)
         metadata = read_metadata(stream)
     return Decoded(pixels, peak, encoding, metadata, notes, letters or RGB)
 
@@ -205,3 +206,8 @@ def _page_pixels(page: Any) -> NDArray[Any]:
 
 # A DNG begins as a TIFF does, and so do most camera RAWs: see `load_scene`.
 TIFF = PictureFormat("TIFF", rb"II\*\0|MM\0\*|II\+\0|MM\0\+", (".tif", ".tiff"), decode_tiff)
+
+FORMATS = (decoders.PNG, decoders.JPEG, decoders.EXR, decoders.NPY, TIFF)
+"""All formats; whether what begins like a TIFF is a picture depends on more than its first
+bytes.
+"""

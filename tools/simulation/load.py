@@ -20,12 +20,11 @@ from ...shared.errors import ForeignFileError
 from ...shared.reading import MAX_PIXELS, File, file_name, opened_file
 from ..io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
 from ..io.damage import guarded, readable
-from ..io.decoded import PictureFormat
-from ..io.decoders import FORMATS
+from ..io.decoders import PictureFormat
 from ..io.linear_dng import linear_dng_scene
 from ..io.picture import gehler_shi_scene, picture_scene
 from ..io.scene import RGB, Scene, check_size, scene_channels
-from ..io.tiff import TIFF, opened_tiff
+from ..io.tiff import FORMATS, TIFF, opened_tiff
 from .drawn.builtin import builtin_scene
 from .drawn.charts import chart_scene
 

@@ -15,8 +15,7 @@ from .shared.errors import InputError
 from .shared.pattern import PANCHROMATIC
 from .shared.reading import MAX_PIXELS, File, file_name, is_file
 from .shots import Shot, with_notes_shown
-from .tools.io.decoded import Decoded
-from .tools.io.decoders import decode_array
+from .tools.io.decoders import Decoded, decode_array
 from .tools.io.picture import picture_scene
 from .tools.io.scene import Scene
 from .tools.simulation.lens import Lens
