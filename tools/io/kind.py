@@ -9,6 +9,7 @@ it. Capture data are written to every format that has fields for them.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from tempfile import gettempdir
@@ -16,9 +17,14 @@ from tempfile import gettempdir
 from ...shared import FloatArray, InputError
 from ...shared.reading import File
 from ...shared.writing import OnComplete, durable_file
+from .ahead import ahead
 from .development import Development, FileKind
+from .display import joined, turned, upright
 from .formats import FORMATS, Format
+from .formats.format import Bands
 from .formats.jpg import check_quality
+
+_RENDERING = 4  # threads that render, for each that converts: at most a fifth of their time
 
 
 @dataclass(frozen=True)
@@ -106,8 +112,16 @@ def write_picture(
     threads : int, optional
         Number of threads that convert and compress.
     """
-    kept_as = FORMATS[development.kind.format]
+    kept_as, turn = FORMATS[development.kind.format], development.turn
     kept_as.check(development)
+    convert = partial(kept_as.samples, development=development)
     with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
-        folder = Path(path).parent if isinstance(path, str | PathLike) else Path(gettempdir())
-        kept_as.write(file, bands, development, threads, folder)
+        samples: Bands = ahead(convert, bands, -(-threads // _RENDERING))
+        if kept_as.in_bands:
+            folder = Path(path).parent if isinstance(path, str | PathLike) else Path(gettempdir())
+            samples = turned(samples, development.shape, turn, folder)
+        else:
+            whole = joined(samples, development.shape[0])
+            # A copy, even of one pixel: codecs look at the strides.
+            samples = [whole if turn == 1 else upright(whole, turn).copy()]
+        kept_as.encode(file, samples, development, threads)

@@ -2,21 +2,16 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from functools import partial
-from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
 from numpy.typing import NDArray
 
 from ....shared import FloatArray, InputError
-from ..ahead import ahead
 from ..development import CAMERA, Development
-from ..display import checked_picture, display_codes, joined, turned, upright
+from ..display import checked_picture, display_codes
 
 Bands = Iterable[NDArray[Any]]
 """Rows of a picture, (rows, W, any), from top to bottom: of a rendering, or of samples."""
-
-_RENDERING = 4  # threads that render, for each that converts: at most a fifth of their time
 
 
 class Format(ABC):
@@ -95,35 +90,8 @@ class Format(ABC):
             return development.shown.apply(rgb, development.exposure)
         return display_codes(rgb, development.shown, development.kind.bits, development.exposure)
 
-    def write(
-        self, file: BinaryIO, bands: Bands, development: Development, threads: int, folder: Path
-    ) -> None:
-        """Write a file. The bands are taken in this thread; others convert, compress and write
-        those that have arrived.
-
-        Parameters
-        ----------
-        file : BinaryIO
-            Empty and seekable.
-        bands : Bands
-            (rows, W, C), scene units, from top to bottom.
-        threads : int
-            That convert and compress.
-        folder : Path
-            For a temporary file without a name, in which a picture in bands is turned.
-        """
-        turn, convert = development.turn, partial(self.samples, development=development)
-        samples: Bands = ahead(convert, bands, -(-threads // _RENDERING))
-        if self.in_bands:
-            samples = turned(samples, development.shape, turn, folder)
-        else:
-            whole = joined(samples, development.shape[0])
-            # A copy, even of one pixel: codecs look at the strides.
-            samples = [whole if turn == 1 else upright(whole, turn).copy()]
-        self.encode(file, samples, development, threads)
-
     @abstractmethod
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
-        """Write a file of samples (rows, W, any), upright, from top to bottom; without `in_bands`
-        in one piece.
+        """Write a file, empty and seekable, of samples (rows, W, any), upright, from top to bottom;
+        without `in_bands` in one piece. threads: that compress.
         """
