@@ -55,10 +55,9 @@ class Jpeg(Format):
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`."""
-        quality = check_quality(development.kind.quality)
         codes = joined(bands, development.written_shape[0])
         segments = jpeg_segments(development.directory, codes.shape, development.icc)
-        file.write(baseline_jpeg(codes, quality, segments))
+        file.write(baseline_jpeg(codes, development.kind.quality, segments))
 
 
 def encode_jpeg(codes: NDArray[Any], metadata: CaptureMetadata, quality: int | None) -> bytes:
@@ -75,16 +74,16 @@ def encode_jpeg(codes: NDArray[Any], metadata: CaptureMetadata, quality: int | N
         1 to 100; None = 95.
     """
     segments = jpeg_segments(picture_directory(metadata, srgb=True), codes.shape)
-    return baseline_jpeg(codes, check_quality(quality), segments)
+    return baseline_jpeg(codes, quality, segments)
 
 
-def baseline_jpeg(codes: NDArray[Any], quality: int, segments: bytes) -> bytes:
+def baseline_jpeg(codes: NDArray[Any], quality: int | None, segments: bytes) -> bytes:
     """Return a JPEG of uint8 RGB (H, W, 3) or grey (H, W) in full resolution.
 
     segments: inserted behind JFIF's, which is first.
     """
     codes = np.ascontiguousarray(codes)
-    data = bytes(imagecodecs.jpeg8_encode(codes, level=quality, subsampling="444"))
+    data = bytes(imagecodecs.jpeg8_encode(codes, level=check_quality(quality), subsampling="444"))
     return data[:_JFIF_ENDS] + segments + data[_JFIF_ENDS:]
 
 
@@ -235,15 +234,14 @@ class UltraHdr(Jpeg):
 
     def encode(self, file: BinaryIO, bands: Bands, development: Development, threads: int) -> None:
         """Implement `Format`."""
-        quality = check_quality(development.kind.quality)
         gains = GainMap(development.shown, development.exposure)
         # Copies, even of one pixel: the codec looks at the strides.
         samples = joined(bands, development.written_shape[0])
         segments = jpeg_segments(development.directory, samples.shape, development.icc)
         capacity = gains.capacity(int(samples[..., 3].max()))
-        described = _described(_xmp(gains, capacity), _iso(gains, capacity))
+        described = _described(*_figures(gains, capacity))
         gain_map = baseline_jpeg(samples[..., 3].copy(), _GAIN_QUALITY, described)
-        base = baseline_jpeg(samples[..., :3].copy(), quality, segments)
+        base = baseline_jpeg(samples[..., :3].copy(), development.kind.quality, segments)
         packet = _PACKET.format(_DIRECTORY.format(len(gain_map)))
         inserted, place = _described(packet.encode(), bytes(4)), _JFIF_ENDS + len(segments)
         sizes = _multi_picture((len(base) + len(inserted), len(gain_map)), place + len(inserted))
@@ -255,19 +253,17 @@ def _described(xmp: bytes, iso: bytes) -> bytes:
     return segment(_APP1, _XMP + xmp) + segment(_APP2, _ISO + iso)
 
 
-def _xmp(gains: GainMap, capacity: float) -> bytes:
-    """The metadata of a gain map in XMP; gains and capacities are logarithms to the base 2."""
+def _figures(gains: GainMap, capacity: float) -> tuple[bytes, bytes]:
+    """The metadata of a gain map in XMP, and by ISO 21496-1, annex C, which has the capacities
+    first; gains and capacities are logarithms to the base 2.
+    """
     values = 0.0, gains.highest, 1.0, OFFSET, OFFSET, 0.0, capacity
     named = zip(_XMP_NAMES.split(), values, strict=True)
     attributes = "".join(f' hdrgm:{name}="{value:.6f}"' for name, value in named)
-    return _PACKET.format(f'{attributes} hdrgm:BaseRenditionIsHDR="False">').encode()
-
-
-def _iso(gains: GainMap, capacity: float) -> bytes:
-    """The metadata of a gain map by ISO 21496-1, annex C."""
-    values = 0.0, capacity, 0.0, gains.highest, 1.0, OFFSET, OFFSET
-    fractions = (struct.pack(">iI", round(value * _UNIT), _UNIT) for value in values)
-    return struct.pack(">HHB", 0, 0, _SAME_PRIMARIES) + b"".join(fractions)
+    xmp = _PACKET.format(f'{attributes} hdrgm:BaseRenditionIsHDR="False">').encode()
+    codes = [struct.pack(">iI", round(value * _UNIT), _UNIT) for value in values]
+    iso = struct.pack(">HHB", 0, 0, _SAME_PRIMARIES) + b"".join(codes[-2:] + codes[:-2])
+    return xmp, iso
 
 
 def _multi_picture(sizes: tuple[int, int], place: int) -> bytes:
