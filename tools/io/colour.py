@@ -68,6 +68,10 @@ def lab_slopes(xyz_values: DoubleArray) -> DoubleArray:
     return lightness[None] * slope[:, None, :]
 
 
+def _cosine(degrees: DoubleArray) -> DoubleArray:
+    return np.cos(np.radians(degrees))
+
+
 def delta_e_2000(first: DoubleArray, second: DoubleArray) -> DoubleArray:
     """Return CIEDE2000 between L*a*b* colours (..., 3), with weights 1.
 
@@ -93,13 +97,9 @@ def delta_e_2000(first: DoubleArray, second: DoubleArray) -> DoubleArray:
     # Eq. 14
     average = np.where(wrapped, (total + np.where(total < 360, 360, -360)) / 2, total / 2)
     hue = np.where(grey, total, average)
-    weight = (
-        1
-        - 0.17 * np.cos(np.radians(hue - 30))
-        + 0.24 * np.cos(np.radians(2 * hue))
-        + 0.32 * np.cos(np.radians(3 * hue + 6))
-        - 0.20 * np.cos(np.radians(4 * hue - 63))
-    )  # T, Eq. 15
+    # T, Eq. 15
+    weight = 1 - 0.17 * _cosine(hue - 30) + 0.24 * _cosine(2 * hue) + 0.32 * _cosine(3 * hue + 6)
+    weight = weight - 0.20 * _cosine(4 * hue - 63)
     angle = 60 * np.exp(-(((hue - 275) / 25) ** 2))  # 2 Delta theta, Eq. 16
     weight_of_chroma = 2 * np.sqrt(chroma**7 / (chroma**7 + 25.0**7))  # R_C, Eq. 17
     rotation = -np.sin(np.radians(angle)) * weight_of_chroma  # Eq. 21

@@ -115,14 +115,12 @@ def _received(stream: IO[bytes], most: int) -> tuple[str, str, NDArray[Any], Fac
     """
     answer = json.loads(stream.readline(_LONGEST_FACTS))
     refused, trace = str(answer["refused"]), str(answer["trace"])
-    kind, facts = answer["dtype"], dict(answer["facts"])
-    shape = tuple(answer["shape"])
-    sides = all(type(side) is int and side >= 0 for side in shape)
-    if kind not in _SAMPLES or len(shape) not in (2, 3) or not sides:
+    kind, shape, facts = answer["dtype"], tuple(answer["shape"]), dict(answer["facts"])
+    if kind not in _SAMPLES or len(shape) not in (2, 3):
         raise ValueError("no samples of a picture")
     if prod(shape) * np.dtype(kind).itemsize > most:
         raise ValueError("more samples than the process may hold")
-    samples = np.empty(shape, kind)
+    samples = np.empty(shape, kind)  # raises for sides that are negative or no whole numbers
     if stream.readinto(samples.reshape(-1).view(np.uint8)) != samples.nbytes:  # type: ignore[attr-defined]
         raise ValueError("cut short")
     return refused, trace, samples, facts
