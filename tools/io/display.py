@@ -35,11 +35,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...shared import InputError, OutputError, SensorCalibration
 from ...shared.arrays import CACHED, ByteArray, CodeArray, DoubleArray, FloatArray, strips
-from ...shared.calibration import SensorCalibration
 from ...shared.colorimetry import SRGB_PRIMARIES, Matrix, as_rows, primaries_to_xyz
 from ...shared.display import SATURATED, display_white
-from ...shared.errors import InputError, OutputError
 from ...shared.writing import reason
 from .colour import P3_PRIMARIES, encode_srgb
 
@@ -256,12 +255,9 @@ def quantise(encoded: FloatArray, bits: int) -> ByteArray | CodeArray:
     """Return the nearest of 2**bits codes for finite values of any shape, clipped to 0..1: uint8 (8
     bits) or uint16 (16).
     """
-    top = np.float32((1 << bits) - 1)
     codes = np.empty(encoded.shape, np.uint8 if bits == 8 else np.uint16)
     for rows in strips(len(encoded)):
-        scaled = encoded[rows].clip(0.0, 1.0)
-        scaled *= top
-        codes[rows] = np.rint(scaled, out=scaled)
+        codes[rows] = np.rint(encoded[rows].clip(0.0, 1.0) * np.float32((1 << bits) - 1))
     return codes
 
 

@@ -43,13 +43,9 @@ def render_page(template: Path, **values: Any) -> bytes:
     """
     import jinja2
 
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader([template.parent, _SHARED]),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    files, strict = jinja2.FileSystemLoader([template.parent, _SHARED]), jinja2.StrictUndefined
+    blocks: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True}
+    environment = jinja2.Environment(loader=files, autoescape=True, undefined=strict, **blocks)
     page = environment.get_template(template.name).render(**values)
     # names of files may hold bytes that are no characters
     return page.encode("utf-8", "backslashreplace")

@@ -77,9 +77,8 @@ def gehler_shi_scene(picture: Decoded, stem: str) -> Scene | None:
         return None
     for name, black, camera in _GEHLERS:
         if re.fullmatch(name, stem):
-            rgb = (codes.astype(np.float32) - black) / np.float32(_GEHLERS_WHITE - black)
-            rgb = np.maximum(rgb, 0)
-            source = f"{camera}, black level {black}"
+            signal = (codes.astype(np.float32) - black) / np.float32(_GEHLERS_WHITE - black)
+            rgb, source = np.maximum(signal, 0), f"{camera}, black level {black}"
             note = f"recognised as Gehler's data set in Shi and Funt's version: {source}"
             neutral = shades_of_grey(rgb)
             rgb, clipped = with_white_highlights(rgb, neutral)
