@@ -42,6 +42,7 @@ _COLOUR_TAGS = {*chain(*_LIGHTS), *_SIGNATURES, *tags_of(_WHITE_TAGS)}
 # Exif's LightSource values; all others are treated as D65.
 _ILLUMINANTS: dict[float, str] = {3: "A", 17: "A", 24: "3200", 23: "D50", 11: "D75", 22: "D75"}
 _ILLUMINANTS |= dict.fromkeys((1, 4, 9, 20), "D55")
+_LOADED = ("rawpy",)  # before the time is counted: that takes longer than a RAW does
 _SEARCHED = 1 << 20  # bytes at the beginning of a RAW that is not a TIFF
 _TIFF_STARTS = (b"II*\0\x08\0\0\0", b"MM\0*\0\0\0\x08")
 _EXPECTED = "CR2, NEF, ARW, DNG, ... or TIFF, PNG, JPEG, EXR, NPY"
@@ -69,7 +70,7 @@ def camera_raw_scene(path: Path, max_pixels: int, *, registered: bool) -> Scene:
     """
     # LibRaw decodes whatever size the JPEGs inside a RAW declare: it can take minutes and all
     # memory for two kilobytes.
-    samples, facts = _unpacked(path, max_pixels, quads=True)
+    samples, facts = run_limited(path, _LOADED, unpack_raw, str(path), max_pixels, True)
     rgb, gone = _quads(samples, facts, _black_deltas(path, samples.shape))
     if registered:
         rgb, gone = register_quads(rgb, gone, facts)
@@ -84,17 +85,7 @@ def camera_raw_samples(path: Path, max_pixels: int) -> CodeArray:
 
     max_pixels: larger files are refused.
     """
-    return _unpacked(path, max_pixels, quads=False)[0]
-
-
-def _unpacked(path: Path, max_pixels: int, *, quads: bool) -> tuple[CodeArray, Facts]:
-    """Call `unpack_raw` in a limited process, and check that it returns uint16 (H, W)."""
-    # rawpy is loaded before the time is counted: that takes longer than a RAW does
-    samples, facts = run_limited(path, ("rawpy",), unpack_raw, str(path), max_pixels, quads)
-    if samples.ndim != 2 or samples.dtype != np.uint16:
-        kind = f"{samples.dtype} of shape {samples.shape}"
-        raise InputError(f"its samples are {kind}: the file is damaged; copy it again")
-    return samples, facts
+    return run_limited(path, _LOADED, unpack_raw, str(path), max_pixels, False)[0]
 
 
 def unpack_raw(path: str, max_pixels: int, quads: bool) -> tuple[CodeArray, Facts]:

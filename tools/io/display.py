@@ -265,8 +265,6 @@ def upright(picture: NDArray[Sample], orientation: int) -> NDArray[Sample]:
     """Return a view of the samples (H, W, ...) turned and mirrored by a TIFF orientation, 1 to 8
     (TIFF 6.0, tag 274).
     """
-    if orientation not in range(1, 9):
-        raise InputError(f"orientation is {orientation}, expected 1 to 8")
     if orientation >= 5:  # the stored rows are columns of the scene
         picture = picture.swapaxes(0, 1)
     # Direction of each axis after the swap.

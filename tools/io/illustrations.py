@@ -138,8 +138,7 @@ def _pattern(tile: Sequence[str]) -> ByteArray:
     """A panel with a pattern that repeats `tile`, one square per pixel."""
     rows = [(row * _DRAWN)[:_DRAWN] for row in (list(tile) * _DRAWN)[:_DRAWN]]
     drawn = draw_tile(rows, _PANEL // _DRAWN)
-    before = (_PANEL - len(drawn)) // 2
-    edges = (before, _PANEL - len(drawn) - before)
+    edges = ((_PANEL - len(drawn)) // 2,) * 2
     return np.pad(drawn, (edges, edges, (0, 0)), constant_values=_PAPER[0])
 
 
