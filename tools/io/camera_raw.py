@@ -242,9 +242,7 @@ def _check_mosaic(raw: Any, remedy: str) -> None:
         raise InputError(f"the RAW holds {several}, not a mosaic: {remedy}")
 
 
-def camera_scene(
-    path: Path, rgb: FloatArray, gone: FloatArray | None, facts: Facts | None = None
-) -> Scene:
+def camera_scene(path: Path, rgb: FloatArray, gone: FloatArray | None, facts: Facts) -> Scene:
     """Return the scene that a camera recorded.
 
     Parameters
@@ -256,8 +254,8 @@ def camera_scene(
         Camera RGB, (H, W, 3), scene units.
     gone : FloatArray | None
         How far each sample is clipped (see `with_white_highlights`); None = none is.
-    facts : Facts | None, optional
-        What LibRaw knows of it, see `unpack_raw`; None = nothing.
+    facts : Facts
+        What LibRaw knows of it, see `unpack_raw`; empty = nothing.
     """
     directories = raw_directories(path)
     metadata, fields = metadata_from(directories), directories.main
@@ -271,7 +269,7 @@ def camera_scene(
             figures = ", ".join(f"{value:.3f}" for value in neutral)
             estimate = f"neutral {figures} is estimated from the scene"
         notes.append(f"the file has no white balance: {estimate}")
-    matrix = colour_matrix(fields, neutral, facts and facts["matrix"]) if neutral else None
+    matrix = colour_matrix(fields, neutral, facts.get("matrix")) if neutral else None
     if matrix is None:
         effect = "colours can be balanced, but not matched"
         notes.append(f"the camera's colour matrix is unknown: {effect}")
@@ -284,7 +282,7 @@ def camera_scene(
     return Scene(rgb, path.stem, matrix, neutral, metadata, tuple(notes), is_estimated)
 
 
-def _as_shot(fields: StoredFields, facts: Facts | None) -> tuple[float, ...] | None:
+def _as_shot(fields: StoredFields, facts: Facts) -> tuple[float, ...] | None:
     """Return the neutral of the camera's white balance, or the one that a DNG states; None if the
     file states none.
     """

@@ -94,9 +94,8 @@ def with_white_highlights(
     white, result = np.array(neutral, np.float32), rgb.copy()
     some = (gone > 0).any(axis=2)
     result[some] = raised_to_white(rgb[some], gone[some], rgb[some], neutral)
-    burnt_out = np.ones(rgb.shape[:2], np.float32)
-    for channel in range(rgb.shape[2]):
-        burnt_out *= maximum_filter(gone[..., channel], _FADING_WINDOW, mode="nearest")
+    window = (_FADING_WINDOW, _FADING_WINDOW, 1)
+    burnt_out = maximum_filter(gone, window, mode="nearest").prod(axis=2)
     around = maximum_filter(burnt_out, _FADING_WINDOW, mode="nearest")
     fading = uniform_filter(around, _FADING_WINDOW, mode="nearest")
     rim = fading > 0

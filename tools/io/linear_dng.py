@@ -72,7 +72,7 @@ def linear_dng_scene(path: Path, max_pixels: int) -> tuple[Scene | None, tuple[s
                 samples = page.asarray(maxworkers=1)
         rgb, limits = _levelled(samples, page)
     gone = clipped_share(rgb, limits, SHOULDER) if integers else None
-    return camera_scene(path, rgb, gone), notes
+    return camera_scene(path, rgb, gone, {}), notes
 
 
 def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:

@@ -59,7 +59,7 @@ class Format(ABC):
         asked. Call it before rendering.
         """
         development.kind.check_exposure(development.exposure)
-        if development.kind.space != CAMERA:
+        if development.kind.has_white_balance:
             _ = development.shown  # raises InputError for unknown colours
         height, width = development.shape
         if self.longest_side is not None and max(height, width) > self.longest_side:

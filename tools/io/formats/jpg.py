@@ -195,10 +195,7 @@ class GainMap:
         result = np.zeros(rgb.shape[:2], np.uint8)
         for rows in strips(len(rgb)):
             band = rgb[rows]
-            # Channel by channel: NumPy takes three times as long for `any` along so short an axis.
-            beyond = [band[..., channel] > limit for channel, limit in enumerate(white)]
-            beyond += [picture[rows, :, channel] == _TOP for channel in range(3)]
-            clipped = np.logical_or.reduce(beyond)
+            clipped = (band > white).any(axis=2) | (picture[rows] == _TOP).any(axis=2)
             if not clipped.any():
                 continue
             bright, most = band[clipped][None], white * np.float32(self.headroom)

@@ -98,7 +98,6 @@ class LinearDng(Format):
         if len(channels) != 3:
             held = f"dng holds pictures of 3 channels, the sensor has {channels}"
             raise InputError(f"{held}; use tif, exr or npy")
-        _ = development.shown  # raises InputError for unknown colours
         super().check(development)
 
     def memory(self, shape: tuple[int, int], channels: int, rendering: int, threads: int) -> float:
