@@ -122,9 +122,7 @@ class ColourTransform:
         known = SPACES[name], tuple(white.tolist()), as_rows(matrix), brightest
         return cls(*known, None if restored else weights)
 
-    def whitened(
-        self, rgb: FloatArray, lost: ByteArray | None, exposure: float = 0.0
-    ) -> FloatArray:
+    def whitened(self, rgb: FloatArray, lost: ByteArray | None, exposure: float) -> FloatArray:
         """A picture in which what is lost is white: as bright as it is, but at least so that a
         display shows white at this exposure.
 

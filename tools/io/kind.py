@@ -18,10 +18,9 @@ from ...shared import FloatArray, InputError
 from ...shared.reading import File
 from ...shared.writing import OnComplete, durable_file
 from .ahead import ahead
-from .development import Development, FileKind
+from .development import Bands, Development, FileKind, Format
 from .display import joined, turned, upright
-from .formats import FORMATS, Format
-from .formats.format import Bands
+from .formats import FORMATS
 from .formats.jpg import check_quality
 
 _RENDERING = 4  # threads that render, for each that converts: at most a fifth of their time

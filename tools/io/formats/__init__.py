@@ -1,7 +1,7 @@
 """The formats of picture files."""
 
+from ..development import Format
 from .at_once import JpegXl, NumPy, OpenExr, Png
-from .format import Format
 from .jpg import Jpeg, UltraHdr
 from .tif import LinearDng, Tiff
 
@@ -11,5 +11,3 @@ FORMATS: dict[str, Format] = {written.name: written for written in _ALL}
 
 OTHER_NAMES = {alias: written.name for written in _ALL for alias in written.aliases}
 """Other names of formats: name -> key of `FORMATS`."""
-
-__all__ = ["FORMATS", "OTHER_NAMES", "Format"]

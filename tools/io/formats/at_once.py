@@ -18,9 +18,8 @@ import numpy as np
 from ....shared import CaptureMetadata, OutputError
 from ....shared.colorimetry import D65_XY
 from ....shared.tiff import encode_tiff
-from ..development import CAMERA, Development, software
+from ..development import CAMERA, Bands, Development, Format, software
 from ..display import SPACES
-from .format import Bands, Format
 
 _PNG_START = 8 + 25  # signature and IHDR
 LOSSLESS = 100

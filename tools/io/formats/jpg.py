@@ -33,9 +33,8 @@ from ....shared import CaptureMetadata, InputError
 from ....shared.arrays import ByteArray, FloatArray, strips
 from ....shared.dng.tags import LONGEST_SIDE, TAG
 from ....shared.tiff import Directory, FieldType, encode_tiff
-from ..development import Development, picture_directory
+from ..development import Bands, Development, Format, picture_directory
 from ..display import ColourTransform, joined
-from .format import Bands, Format
 
 _JFIF_ENDS = 20  # bytes of a JPEG's signature and its first segment
 _LONGEST_EXIF = 65533 - len(b"Exif\0\0")  # what fits a segment

@@ -23,9 +23,8 @@ from ....shared.dng.lossless_jpeg import encode_lossless
 from ....shared.dng.tags import LONGEST_SIDE, MAKER, PICTURE_PLANES, TAG, Compression, Photometric
 from ....shared.tiff import Directory, FieldType, write_tiff
 from ..ahead import WAITING, ahead
-from ..development import CAMERA, Development
+from ..development import CAMERA, Bands, Development, Format
 from ..display import display_codes, joined, quantise, regrouped
-from .format import Bands, Format
 
 _STRIP_ROWS = 64
 
