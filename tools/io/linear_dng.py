@@ -61,8 +61,7 @@ def linear_dng_scene(path: Path, max_pixels: int) -> tuple[Scene | None, tuple[s
         if not linear:  # the main picture is another
             return None, notes
         page = max(linear, key=lambda one: one.imagewidth * one.imagelength)
-        _check(page, path.stat().st_size, data_bytes(path), max_pixels)
-        _check_chunks(page, stream)
+        _check(page, stream, path, max_pixels)
         unsigned = page.dtype is not None and page.dtype.kind == "u"
         integers = unsigned and page.compression in tuple(Compression)
         if integers:
@@ -75,10 +74,9 @@ def linear_dng_scene(path: Path, max_pixels: int) -> tuple[Scene | None, tuple[s
     return camera_scene(path, rgb, gone, {}), notes
 
 
-def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
-    """Raise InputError for samples that are not read, or whose declared sizes are impossible.
-
-    size, held: of the file, bytes; with holes and without.
+def _check(page: TiffPage, stream: Any, path: Path, max_pixels: int) -> None:
+    """Raise InputError for samples that are not read, whose declared sizes are impossible, or which
+    inflate to more than they should hold, for which tifffile has no limit.
     """
     if page.compression not in (*Compression, *_DEFLATE):
         kind = getattr(page.compression, "name", page.compression)
@@ -89,25 +87,19 @@ def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
     if planes or kind is None or kind.itemsize > {"u": 2, "f": 4}.get(kind.kind, 0):
         stored = f"the samples of the linear DNG are {page.bitspersample} bits {kind}{planes}"
         raise InputError(f"{stored}; expected interleaved integers up to 16 bits or floating point")
-    check_size(page.imagewidth, page.imagelength, PICTURE_PLANES * kind.itemsize, held, max_pixels)
-    check_strips(page.dataoffsets, page.databytecounts, size, page.imagewidth * page.imagelength)
-    sides = (page.tilewidth, page.imagewidth), (page.tilelength, page.imagelength)
+    columns, rows = page.imagewidth, page.imagelength
+    check_size(columns, rows, PICTURE_PLANES * kind.itemsize, data_bytes(path), max_pixels)
+    check_strips(page.dataoffsets, page.databytecounts, path.stat().st_size, columns * rows)
+    sides = (page.tilewidth, columns), (page.tilelength, rows)
     if page.is_tiled and any(tile > max(side, _LARGE_TILE) for tile, side in sides):
         reason = "its tiles are larger than its picture; copy it again"
         raise InputError(f"the linear DNG is damaged: {reason}")
-
-
-def _check_chunks(page: TiffPage, stream: Any) -> None:
-    """Raise InputError if a strip or tile inflates to more than it should hold, for which tifffile
-    has no limit.
-    """
-    if page.compression not in _DEFLATE:
-        return
-    rows, columns = min(page.rowsperstrip, page.imagelength), page.imagewidth
+    rows = min(page.rowsperstrip, rows)
     if page.is_tiled:
         rows, columns = page.tilelength, page.tilewidth
     most = rows * -(-columns * PICTURE_PLANES * page.bitspersample // 8)
-    for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
+    chunks = zip(page.dataoffsets, page.databytecounts, strict=True)
+    for offset, count in chunks if page.compression in _DEFLATE else ():
         stream.seek(offset)
         with guarded():
             inflated = zlib.decompressobj().decompress(stream.read(count), most + 1)
