@@ -62,9 +62,8 @@ def linear_dng_scene(path: Path, max_pixels: int) -> tuple[Scene | None, tuple[s
             return None, notes
         page = max(linear, key=lambda one: one.imagewidth * one.imagelength)
         _check(page, stream, path, max_pixels)
-        unsigned = page.dtype is not None and page.dtype.kind == "u"
-        integers = unsigned and page.compression in tuple(Compression)
-        if integers:
+        integers = page.dtype is not None and page.dtype.kind == "u"
+        if integers and page.compression in tuple(Compression):
             samples = DngReader(stream, file).samples(max_pixels, PICTURE_PLANES, page)
         else:
             with guarded(path):

@@ -302,15 +302,19 @@ def test_a_phone_s_picture_is_a_scene(tmp_path: Path, dtype: Any) -> None:
     assert any("+1.5 stops brighter (BaselineExposure)" in note for note in scene.notes)
 
 
+@pytest.mark.parametrize("options", [{}, {"compression": "deflate"}])
 @pytest.mark.parametrize("black", [500, 20000])
-def test_each_plane_has_a_limit_of_its_own(tmp_path: Path, black: int) -> None:
+def test_each_plane_has_a_limit_of_its_own(
+    tmp_path: Path, black: int, options: dict[str, Any]
+) -> None:
     rng = np.random.default_rng(2)
     light = np.full((60, 80, 3), 0.2) * NEUTRAL
     light[10:40, 20:60] *= 9.5
     samples = black + (60000 - black) * (light + rng.normal(0, 0.003, light.shape) * np.sqrt(light))
     samples = np.minimum(samples, (60000, 55000, 57000)) + rng.normal(0, 50, light.shape)
     fields: Fields = {50714: (SHORT, (black,) * 3), 50717: (files.LONG, (60000,) * 3)}
-    scene = load_scene(save(tmp_path / "x.dng", np.rint(samples).astype(np.uint16), fields))
+    stored = np.rint(samples).astype(np.uint16)
+    scene = load_scene(save(tmp_path / "x.dng", stored, fields, **options))
     balanced = scene.rgb[12:38, 22:58] / NEUTRAL
     assert (np.ptp(balanced, axis=2) / balanced.max(axis=2)).max() < 0.02
     assert balanced.min() > 1.3
