@@ -19,8 +19,7 @@ import numpy as np
 
 from ...shared import CaptureMetadata, CodeArray, DoubleArray, FloatArray, InputError
 from ...shared.colorimetry import D65_XY, Matrix, adaptation, as_rows, xyz
-from ...shared.dng import metadata_from
-from ...shared.dng.exif import WANTED, printable
+from ...shared.dng.exif import WANTED, metadata_from, printable
 from ...shared.dng.tags import TAG, Photometric, tags_of
 from ...shared.lights import LightMatrices, between, illuminant_xy, mixed, share_of
 from ...shared.pattern import BAYER_ORDERS

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...shared import CaptureMetadata, InputError
-from ...shared.dng import read_metadata
+from ...shared.dng.exif import read_metadata
 from ...shared.jpeg_check import read_header
 from ...shared.reading import read_whole
 from ...shared.tiff_reading import StoredField, read_directories

@@ -11,7 +11,7 @@ from typing import Any, BinaryIO, ClassVar
 from numpy.typing import NDArray
 
 from ...shared import ByteArray, CaptureMetadata, FloatArray, InputError, SensorCalibration
-from ...shared.dng import metadata_directory
+from ...shared.dng.exif import metadata_directory
 from ...shared.dng.tags import MAKER, TAG
 from ...shared.tiff import Directory, FieldType
 from .display import ColourTransform, check_exposure, checked_picture, display_codes

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...shared import DoubleArray, InputError
 from ...shared.colorimetry import D65_XY
-from ...shared.dng import read_metadata
+from ...shared.dng.exif import read_metadata
 from ...shared.dng.tags import TAG, tags_of
 from ...shared.tiff_check import PLAIN, check_directories, check_page
 from . import decoders

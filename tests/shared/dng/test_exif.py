@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from panchroma.shared import CaptureMetadata
-from panchroma.shared.dng import encode_dng, metadata_directory, read_dng, read_metadata
-from panchroma.shared.dng.exif import NUMBERS, TEXTS, text
+from panchroma.shared.dng import encode_dng, read_dng
+from panchroma.shared.dng.exif import NUMBERS, TEXTS, metadata_directory, read_metadata, text
 from panchroma.shared.dng.tags import GPS, TAG
 from panchroma.shared.tiff import Directory, Fields, FieldType, encode_tiff
 from panchroma.shared.tiff_reading import read_directories
