@@ -13,25 +13,7 @@ from .mosaic import Mosaic
 from .pattern import CfaPattern
 from .shading import Shading
 
-__all__ = [
-    "BlockGrid",
-    "BoolArray",
-    "ByteArray",
-    "Camera",
-    "CaptureMetadata",
-    "CfaPattern",
-    "CodeArray",
-    "DoubleArray",
-    "FloatArray",
-    "IndexArray",
-    "InputError",
-    "Mosaic",
-    "NoiseModel",
-    "OutputError",
-    "PanchromaError",
-    "SensorCalibration",
-    "Shading",
-    "read_camera",
-    "read_dng",
-    "write_dng",
-]
+__all__ = ["BlockGrid", "Camera", "CaptureMetadata", "CfaPattern", "Mosaic", "NoiseModel"]
+__all__ += ["SensorCalibration", "Shading", "read_camera", "read_dng", "write_dng"]
+__all__ += ["BoolArray", "ByteArray", "CodeArray", "DoubleArray", "FloatArray", "IndexArray"]
+__all__ += ["InputError", "OutputError", "PanchromaError"]
