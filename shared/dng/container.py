@@ -16,10 +16,11 @@ from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
 from .exif import metadata_directory, printable
 from .lossless_jpeg import encode_lossless
-from .tags import DNG_VERSION, LONGEST_SIDE, MAKER, TAG, Compression, Photometric
+from .tags import DNG_VERSION, LONGEST_SIDE, MAKER, TAG, Compression, Photometric, fields_of
 
 PREVIEW_QUALITY = 90  # of 100: no visible artefacts, a tenth of the size of the samples
 DIGEST_TILE = 256
+_SHORT = FieldType.SHORT
 _CHUNKY, _CENTRED = 1, 1
 _BACKWARD_VERSION = bytes([1, 2, 0, 0])  # a reader of DNG 1.2 can show the file
 _PREVIEW_SRGB = 2  # PreviewColorSpace
@@ -66,24 +67,20 @@ def main_directory(
     # into for that.
     named = camera.encode("ascii", "replace").decode()
     if metadata.make or metadata.model:
-        main.fields[TAG["XMP"]] = FieldType.BYTE, _xmp(metadata)
-    main.fields |= {TAG["Make"]: (FieldType.ASCII, MAKER), TAG["Model"]: (FieldType.ASCII, named)}
+        main.fields |= fields_of(FieldType.BYTE, XMP=_xmp(metadata))
+    # UniqueCameraModel is the only text that DNG requires to be ASCII; converters look up camera
+    # profiles by it.
+    main.fields |= fields_of(FieldType.ASCII, Make=MAKER, Model=named, UniqueCameraModel=named)
     # One strip, so that it is a whole JPEG, which exiftool, LibRaw and every picture viewer can
     # extract.
     jpeg = imagecodecs.jpeg8_encode(picture, level=PREVIEW_QUALITY, subsampling="420")
     main.strips = [bytes(jpeg)]
-    main.fields |= picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR) | {
-        TAG["NewSubfileType"]: (FieldType.LONG, [1]),
-        TAG["YCbCrSubSampling"]: (FieldType.SHORT, [2, 2]),
-        TAG["YCbCrPositioning"]: (FieldType.SHORT, [_CENTRED]),
-        TAG["ReferenceBlackWhite"]: (FieldType.RATIONAL, [0, 255, 128, 255, 128, 255]),
-        TAG["PreviewColorSpace"]: (FieldType.LONG, [_PREVIEW_SRGB]),
-        TAG["DNGVersion"]: (FieldType.BYTE, DNG_VERSION),
-        TAG["DNGBackwardVersion"]: (FieldType.BYTE, _BACKWARD_VERSION),
-        # The only text that DNG requires to be ASCII; converters look up camera profiles by it.
-        TAG["UniqueCameraModel"]: (FieldType.ASCII, named),
-        TAG["NewRawImageDigest"]: (FieldType.BYTE, digest),
-    }
+    main.fields |= picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR)
+    main.fields |= fields_of(FieldType.LONG, NewSubfileType=[1], PreviewColorSpace=[_PREVIEW_SRGB])
+    main.fields |= fields_of(_SHORT, YCbCrSubSampling=[2, 2], YCbCrPositioning=[_CENTRED])
+    main.fields |= fields_of(FieldType.RATIONAL, ReferenceBlackWhite=[0, 255, 128, 255, 128, 255])
+    versions = {"DNGVersion": DNG_VERSION, "DNGBackwardVersion": _BACKWARD_VERSION}
+    main.fields |= fields_of(FieldType.BYTE, **versions, NewRawImageDigest=digest)
     main.children[TAG["SubIFDs"]] = raw
     return main
 
@@ -107,7 +104,7 @@ def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometr
     """
     check_sides(samples.shape)
     fields = picture_fields(samples.shape, bits, Compression.JPEG, photometric)
-    fields[TAG["NewSubfileType"]] = FieldType.LONG, [0]
+    fields |= fields_of(FieldType.LONG, NewSubfileType=[0])
     return Directory(fields, strips=[encode_lossless(samples, bits)])
 
 
@@ -158,17 +155,11 @@ def picture_fields(shape: tuple[int, ...], bits: int, compression: int, photomet
     """The fields of a TIFF picture of samples (H, W) or (H, W, planes) in one strip; `bits` per
     sample.
     """
-    planes = shape[2] if len(shape) == 3 else 1
-    return {
-        TAG["ImageWidth"]: (FieldType.LONG, [shape[1]]),
-        TAG["ImageLength"]: (FieldType.LONG, [shape[0]]),
-        TAG["BitsPerSample"]: (FieldType.SHORT, [bits] * planes),
-        TAG["Compression"]: (FieldType.SHORT, [compression]),
-        TAG["PhotometricInterpretation"]: (FieldType.SHORT, [photometric]),
-        TAG["SamplesPerPixel"]: (FieldType.SHORT, [planes]),
-        TAG["RowsPerStrip"]: (FieldType.LONG, [shape[0]]),
-        TAG["PlanarConfiguration"]: (FieldType.SHORT, [_CHUNKY]),
-    }
+    (rows, columns), planes = shape[:2], shape[2] if len(shape) == 3 else 1
+    sides = fields_of(FieldType.LONG, ImageWidth=[columns], ImageLength=[rows], RowsPerStrip=[rows])
+    samples = fields_of(_SHORT, BitsPerSample=[bits] * planes, SamplesPerPixel=[planes])
+    kinds = fields_of(_SHORT, Compression=[compression], PhotometricInterpretation=[photometric])
+    return sides | samples | kinds | fields_of(_SHORT, PlanarConfiguration=[_CHUNKY])
 
 
 def check_sides(shape: tuple[int, ...]) -> None:

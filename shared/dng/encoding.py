@@ -12,7 +12,7 @@ from ..tiff import Fields, FieldType, encode_tiff
 from .colour_tags import colour_fields, has_colours
 from .container import main_directory, raw_digest, raw_directory
 from .record import encode_record
-from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, TAG, Photometric
+from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, Photometric, fields_of
 
 _RECTANGULAR = 1
 _LEAST_BITS = 10  # DNG, and libjpeg for uint16, require more than a low white level has
@@ -56,19 +56,18 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray) -> bytes:
         main.fields.update(colour_fields(*colours, pattern.channels, calibration.lights))
     raw.fields.update(_noise(calibration, photometric))
     record, identity = encode_record(mosaic, digest, main.strips[0])
-    main.fields[TAG["DNGPrivateData"]] = FieldType.BYTE, record
-    main.fields[TAG["RawDataUniqueID"]] = FieldType.BYTE, identity.encode()
+    main.fields |= fields_of(FieldType.BYTE, DNGPrivateData=record)
+    main.fields |= fields_of(FieldType.BYTE, RawDataUniqueID=identity.encode())
     return encode_tiff(main)
 
 
 def _cfa(pattern: CfaPattern) -> Fields:
-    tile = "".join(pattern.letters_from())  # from the first sample on: DNG knows no origin
-    return {
-        TAG["CFARepeatPatternDim"]: (FieldType.SHORT, [pattern.period] * 2),
-        TAG["CFAPattern"]: (FieldType.BYTE, bytes(map(CFA_CODES.__getitem__, tile))),
-        TAG["CFAPlaneColor"]: (FieldType.BYTE, bytes(map(CFA_CODES.__getitem__, pattern.planes))),
-        TAG["CFALayout"]: (FieldType.SHORT, [_RECTANGULAR]),
-    }
+    # from the first sample on: DNG knows no origin
+    letters = "".join(pattern.letters_from()), pattern.planes
+    tile, planes = (bytes(map(CFA_CODES.__getitem__, text)) for text in letters)
+    fields = fields_of(FieldType.BYTE, CFAPattern=tile, CFAPlaneColor=planes)
+    shape = [pattern.period] * 2
+    return fields | fields_of(FieldType.SHORT, CFARepeatPatternDim=shape, CFALayout=[_RECTANGULAR])
 
 
 def _levels(pattern: CfaPattern, calibration: SensorCalibration) -> Fields:
@@ -81,11 +80,9 @@ def _levels(pattern: CfaPattern, calibration: SensorCalibration) -> Fields:
     else:
         levels = levels[pattern.filter_map((pattern.period, pattern.period))]
     kind, number = (FieldType.RATIONAL, float) if (levels % 1).any() else (FieldType.SHORT, int)
-    return {
-        TAG["BlackLevelRepeatDim"]: (FieldType.SHORT, list(levels.shape)),
-        TAG["BlackLevel"]: (kind, levels.astype(number).ravel().tolist()),
-        TAG["WhiteLevel"]: (FieldType.SHORT, [calibration.white_level]),
-    }
+    white = fields_of(FieldType.SHORT, WhiteLevel=[calibration.white_level])
+    shape = fields_of(FieldType.SHORT, BlackLevelRepeatDim=list(levels.shape))
+    return white | shape | fields_of(kind, BlackLevel=levels.astype(number).ravel().tolist())
 
 
 def _noise(calibration: SensorCalibration, photometric: Photometric) -> Fields:
@@ -100,4 +97,4 @@ def _noise(calibration: SensorCalibration, photometric: Photometric) -> Fields:
     profile = list[float]()
     for shot, read in zip(noise.shot[first:], noise.read[first:], strict=True):
         profile += max(shot / full, _LEAST_SHOT_NOISE), (read / full) ** 2
-    return {TAG["NoiseProfile"]: (FieldType.DOUBLE, profile)}
+    return fields_of(FieldType.DOUBLE, NoiseProfile=profile)

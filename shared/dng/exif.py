@@ -19,10 +19,9 @@ from ..errors import InputError
 from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
 from ..tiff_reading import StoredDirectories, StoredField, StoredFields, read_directories
-from .tags import GPS, MAKER, TAG, tags_of
+from .tags import GPS, MAKER, TAG, fields_of, tags_of
 
 LARGEST_SHORT = 65535
-_RESOLUTION = tags_of("XResolution YResolution")
 _INCH = 2  # ResolutionUnit
 _ISO_SPEED_ALONE = 3  # SensitivityType: the figure is an ISO speed
 
@@ -32,11 +31,8 @@ _ANGLES = (GPS["GPSLatitude"], "NS"), (GPS["GPSLongitude"], "EW")
 TEXTS = {name.lower(): TAG[name] for name in ("Make", "Model", "Artist", "Copyright")}
 TEXTS["description"] = TAG["ImageDescription"]
 # Field of CaptureMetadata -> tag of its number in the Exif directory.
-NUMBERS = {
-    "exposure_time": TAG["ExposureTime"],
-    "f_number": TAG["FNumber"],
-    "focal_length": TAG["FocalLength"],
-}
+_MEASURES = "exposure_time", "f_number", "focal_length"
+NUMBERS = {name: TAG[name.title().replace("_", "")] for name in _MEASURES}
 _TIME = "%Y:%m:%d %H:%M:%S"
 _LONGEST = 4096  # bytes of a text: all fields together fit into the 64 KiB of a JPEG's Exif block
 _CONTINUATIONS = bytes(range(0x80, 0xC0))  # of letters in UTF-8
@@ -45,15 +41,14 @@ _ABOUT_ARRAYS = re.compile(r'\{"shape": |shape=\(|ImageJ=|<\?xml|<OME')
 _JOINERS = "\u200c\u200d"  # the only format characters that names need
 _XMP_TEXT = rb"""tiff:%b\s*(?:=\s*"([^"<]*)"|=\s*'([^'<]*)'|>([^<]*)<)"""
 
+_TIME_FIELDS = "DateTime", "SubsecTime", "OffsetTime"
 _TIMES = "Original", "Digitized", ""  # ends of the names of their fields
 _SENSITIVITIES = "ISOSpeed", "RecommendedExposureIndex", "StandardOutputSensitivity"
 _OTHERS = "LensModel Orientation ISOSpeedRatings XMP UniqueCameraModel"
 # 0 to 6: GPS
 WANTED = frozenset({*TEXTS.values(), *NUMBERS.values(), *tags_of(_OTHERS), *range(7)})
 WANTED |= tags_of(" ".join(_SENSITIVITIES))
-WANTED |= {
-    TAG[f"{name}{kind}"] for kind in _TIMES for name in ("DateTime", "SubsecTime", "OffsetTime")
-}
+WANTED |= {TAG[f"{name}{kind}"] for name in _TIME_FIELDS for kind in _TIMES}
 """The tags that `metadata_from` looks at."""
 
 
@@ -64,25 +59,25 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
     Texts are UTF-8 (readers strip blanks around them), numbers are fractions of 31-bit integers.
     Unknown metadata have no field.
     """
-    main = Directory({TAG["Software"]: (FieldType.ASCII, MAKER)})
-    main.fields[TAG["Orientation"]] = FieldType.SHORT, [metadata.orientation]
+    exif = Directory(fields_of(FieldType.UNDEFINED, ExifVersion=b"0232"))
+    main = Directory(fields_of(FieldType.ASCII, Software=MAKER))
     # TIFF and Exif require a resolution; Exif prescribes this one if it is unknown.
-    main.fields |= dict.fromkeys(_RESOLUTION, (FieldType.RATIONAL, [72]))
-    main.fields[TAG["ResolutionUnit"]] = FieldType.SHORT, [_INCH]
-    exif = Directory({TAG["ExifVersion"]: (FieldType.UNDEFINED, b"0232")})
+    main.fields |= fields_of(FieldType.RATIONAL, XResolution=[72], YResolution=[72])
+    orientation = [metadata.orientation]
+    main.fields |= fields_of(FieldType.SHORT, Orientation=orientation, ResolutionUnit=[_INCH])
     for name, tag in TEXTS.items():
         if text := getattr(metadata, name):
             main.fields[tag] = FieldType.ASCII, text
     if metadata.lens:
-        exif.fields[TAG["LensModel"]] = FieldType.ASCII, metadata.lens
+        exif.fields |= fields_of(FieldType.ASCII, LensModel=metadata.lens)
     for name, tag in NUMBERS.items():
         if (number := getattr(metadata, name)) is not None:
             exif.fields[tag] = FieldType.RATIONAL, [number]
     if metadata.iso is not None:
         exif.fields[TAG["ISOSpeedRatings"]] = FieldType.SHORT, [min(metadata.iso, LARGEST_SHORT)]
         if metadata.iso >= LARGEST_SHORT:  # Exif 2.3, Annex G
-            exif.fields[TAG["SensitivityType"]] = FieldType.SHORT, [_ISO_SPEED_ALONE]
-            exif.fields[TAG["ISOSpeed"]] = FieldType.LONG, [metadata.iso]
+            exif.fields |= fields_of(FieldType.SHORT, SensitivityType=[_ISO_SPEED_ALONE])
+            exif.fields |= fields_of(FieldType.LONG, ISOSpeed=[metadata.iso])
     if metadata.taken is not None:
         # isoformat, because strftime("%Y") does not fill up the year 987 on every system.
         seconds = metadata.taken.replace(tzinfo=None).isoformat(" ", "seconds").replace("-", ":")

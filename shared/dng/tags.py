@@ -2,12 +2,14 @@
 their tags.
 """
 
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import Any
 
 from tifffile import TIFF
 
 from ..pattern import PANCHROMATIC
+from ..tiff import Fields, FieldType
 
 MAKER = "Panchroma"
 
@@ -36,6 +38,11 @@ GPS: Any = TIFF.GPS_TAGS
 def tags_of(names: str) -> set[int]:
     """The numbers of tags, whose names are parted by blanks."""
     return {TAG[name] for name in names.split()}
+
+
+def fields_of(kind: FieldType, **values: bytes | str | Sequence[float]) -> Fields:
+    """Fields of one type, by the names of their tags."""
+    return {TAG[name]: (kind, value) for name, value in values.items()}
 
 
 class Compression(IntEnum):
