@@ -12,26 +12,17 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import lights as two_lights
 from .arrays import DoubleArray, FloatArray, IndexArray
 from .colorimetry import is_pair
 from .errors import InputError
 from .figures import built, numbers, shown, whole
-from .lights import (
-    COLOUR_RANGE,
-    GAMMA_RANGE,
-    CalibratedLight,
-    Lights,
-    checked_lights,
-    checked_matrix,
-    colours_under,
-    gamma_under,
-)
 from .pattern import PANCHROMATIC, CfaPattern
 from .reading import MAX_PIXELS
 from .shading import Shading
@@ -212,9 +203,10 @@ class SensorCalibration:
     sensor: str = ""
     camera: str = ""
     shading: Shading | None = None
-    lights: Lights | None = None
+    lights: two_lights.Lights | None = None
 
     def __post_init__(self) -> None:
+        store = partial(object.__setattr__, self)
         for name, kind in _KINDS.items():
             if not isinstance(value := getattr(self, name), kind):
                 expected = f"expected {kind.__name__}"
@@ -224,9 +216,9 @@ class SensorCalibration:
             expected = "expected two or more different letters A to Z"
             clear = f"{PANCHROMATIC} stands for panchromatic"
             raise InputError(f"calibration: channels is {letters!r}, {expected}; {clear}")
-        self._set("gamma", count, GAMMA_RANGE, default=1.0)
-        self._set("black_level", planes, default=4096.0)
-        object.__setattr__(self, "white_level", whole("calibration: white_level", self.white_level))
+        self._set("gamma", count, two_lights.GAMMA_RANGE, default=1.0)
+        self._set("black_level", planes, _ANY, default=4096.0)
+        store("white_level", whole("calibration: white_level", self.white_level))
         black, white = self.black_level, self.white_level
         if not 0 <= min(black) <= max(black) <= white - _LEAST_RANGE <= 65535 - _LEAST_RANGE:
             levels = f"black_level {black} and white_level {shown(white)}"
@@ -242,16 +234,16 @@ class SensorCalibration:
             figures = filter(None, getattr(self.noise, name))
             _check_range(f"noise.{name}", figures, NOISE_RANGE, "0, or ")
         if self.neutral is not None:
-            self._set("neutral", count, COLOUR_RANGE)
+            self._set("neutral", count, two_lights.COLOUR_RANGE)
         elif self.neutral_estimated:
             raise InputError("calibration: neutral_estimated is true, but there is no neutral")
         if self.lights is not None:
-            object.__setattr__(self, "lights", checked_lights(self.lights, letters))
-            object.__setattr__(self, "camera_to_xyz", colours_under(self.lights, self.neutral))
-            object.__setattr__(self, "gamma", gamma_under(self.lights, self.neutral) or self.gamma)
+            store("lights", two_lights.checked_lights(self.lights, letters))
+            store("camera_to_xyz", two_lights.colours_under(self.lights, self.neutral))
+            store("gamma", two_lights.gamma_under(self.lights, self.neutral) or self.gamma)
         if self.camera_to_xyz is not None:
-            object.__setattr__(self, "camera_to_xyz", checked_matrix(self.camera_to_xyz, count))
-        object.__setattr__(self, "defects", _places(self.defects))
+            store("camera_to_xyz", two_lights.checked_matrix(self.camera_to_xyz, count))
+        store("defects", _places(self.defects))
 
     @classmethod
     def of_bits(cls, bits: int, *, headroom: bool = True, **fields: Any) -> "SensorCalibration":
@@ -324,9 +316,8 @@ class SensorCalibration:
 
     def without_estimates(self) -> "SensorCalibration":
         """Return the calibration without a neutral that is only an estimate from one picture."""
-        return (
-            replace(self, neutral=None, neutral_estimated=False) if self.neutral_estimated else self
-        )
+        neutral = None if self.neutral_estimated else self.neutral
+        return replace(self, neutral=neutral, neutral_estimated=False)
 
     def scale(self) -> DoubleArray:
         """Scene units per sensor code of each plane; float64 (C + 1,)."""
@@ -377,14 +368,11 @@ class SensorCalibration:
                 why = "has lights and camera_to_xyz, which follows from them: leave one of them out"
                 raise InputError(f"calibration: {why}")
             lights = lights if isinstance(lights, list | tuple) else [lights]
-            given["lights"] = tuple(
-                built(CalibratedLight, light, "calibration: lights") for light in lights
-            )
+            kind, name = two_lights.CalibratedLight, "calibration: lights"
+            given["lights"] = tuple(built(kind, light, name) for light in lights)
         return cls(**given)
 
-    def _set(
-        self, name: str, count: int, limits: _Limits = _ANY, default: float | None = None
-    ) -> None:
+    def _set(self, name: str, count: int, limits: _Limits, default: float | None = None) -> None:
         """Check a list of numbers. default: of all of them, for the empty tuple: null, 0 or [] in a
         document are mistakes.
         """

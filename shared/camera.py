@@ -110,15 +110,11 @@ class Camera:
         # absent does not.
         unknown = {"noise", "defects", "sensor", "shading"} - self.measured.keys()
         kept = {name: getattr(known, name) or getattr(own, name) for name in unknown}
-        calibration = replace(
-            known,
-            **kept,
-            camera_to_xyz=colours.camera_to_xyz,
-            neutral=measured,
-            neutral_estimated=white.neutral_estimated and measured is not None,
-            # The gamma of this file counts more than that of the shot's lights.
-            lights=known.lights if colours is known else without_gamma(own.lights),
-        )
+        # The gamma of this file counts more than that of the shot's lights.
+        lights = known.lights if colours is known else without_gamma(own.lights)
+        kept |= {"camera_to_xyz": colours.camera_to_xyz, "lights": lights}
+        estimated = white.neutral_estimated and measured is not None
+        calibration = replace(known, **kept, neutral=measured, neutral_estimated=estimated)
         result = Mosaic(mosaic.codes, mosaic.pattern, calibration, mosaic.metadata)
         if not (known.lights and measured is None and (seen := estimate_neutral(result))):
             return result
