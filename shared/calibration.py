@@ -41,7 +41,6 @@ NOISE_RANGE = (1e-12, 1e3)  # 0 is allowed too: the paper's noise has no shot no
 _LEAST_RANGE = 16  # codes from black to white
 # One in 24 of a sensor of 24 megapixels; looking for more in a list takes longer than a render.
 _MOST_DEFECTS = 1 << 20
-_LETTERS = re.compile("[A-Z]{2,}")
 
 
 @dataclass(frozen=True)
@@ -209,10 +208,9 @@ class SensorCalibration:
         store = partial(object.__setattr__, self)
         for name, kind in _KINDS.items():
             if not isinstance(value := getattr(self, name), kind):
-                expected = f"expected {kind.__name__}"
-                raise InputError(f"calibration: {name} is {shown(value)}, {expected}")
+                raise InputError(f"calibration: {name} is {shown(value)}, expected {kind.__name__}")
         letters, count, planes = self.channels, len(self.channels), len(self.channels) + 1
-        if not _LETTERS.fullmatch(letters) or len(set(letters)) != count or PANCHROMATIC in letters:
+        if not re.fullmatch("[A-Z]{2,}", letters) or len({*letters, PANCHROMATIC}) != planes:
             expected = "expected two or more different letters A to Z"
             clear = f"{PANCHROMATIC} stands for panchromatic"
             raise InputError(f"calibration: channels is {letters!r}, {expected}; {clear}")

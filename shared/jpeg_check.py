@@ -31,12 +31,12 @@ class JpegHeader:
     ----------
     kind : int
         Marker of the frame, 0xC0 to 0xCF.
+    bits : int
+        Of a sample.
     rows, columns, components : int
         The size.
     scans : int
         How many there are.
-    bits : int
-        Of a sample.
     complete : bool
         The end of the picture is marked.
     applications : tuple[bytes, ...]
@@ -44,11 +44,11 @@ class JpegHeader:
     """
 
     kind: int
+    bits: int
     rows: int
     columns: int
     components: int
     scans: int
-    bits: int
     complete: bool
     applications: tuple[bytes, ...]
 
@@ -102,6 +102,5 @@ def read_header(jpeg: bytes) -> JpegHeader:
         raise InputError("a JPEG without a frame: it is cut short or damaged")
     if jpeg.find(_LONG_RUN, 0, place if found else len(jpeg)) >= 0:
         check_count(len(_LONG_RUN), "filling bytes")
-    bits, rows, columns, components = struct.unpack(">BHHB", frame[1])
-    complete, contents = marker == _END, tuple(applications)
-    return JpegHeader(frame[0], rows, columns, components, scans, bits, complete, contents)
+    size: tuple[int, int, int, int] = struct.unpack(">BHHB", frame[1])
+    return JpegHeader(frame[0], *size, scans, marker == _END, tuple(applications))

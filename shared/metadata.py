@@ -6,8 +6,6 @@ from datetime import datetime
 
 from .errors import InputError
 
-_ZONE = re.compile(r"[+-]\d\d:\d\d")
-
 
 @dataclass(frozen=True)
 class CaptureMetadata:
@@ -72,7 +70,7 @@ class CaptureMetadata:
     def __post_init__(self) -> None:
         if self.orientation not in range(1, 9):
             raise InputError(f"metadata: orientation is {self.orientation}, expected 1 to 8")
-        if self.zone and not _ZONE.fullmatch(self.zone):
+        if self.zone and not re.fullmatch(r"[+-]\d\d:\d\d", self.zone):
             raise InputError(f"metadata: zone is {self.zone!r}, expected an offset like +05:30")
         if self.place and not (abs(self.place[0]) <= 90 and abs(self.place[1]) <= 180):
             expected = "expected latitude and longitude in degrees"

@@ -188,8 +188,7 @@ class CfaPattern:
         try:
             fields = {"origin": (0, 0), "channels": "", **document}
             row, column = (whole("pattern: origin", value) for value in fields["origin"])
-            texts = [*fields["tile"], fields["channels"]]
-            are_texts = all(isinstance(text, str) for text in texts)
+            are_texts = all(isinstance(text, str) for text in [*fields["tile"], fields["channels"]])
             if fields.keys() != {"tile", "origin", "channels"} or not are_texts:
                 raise TypeError
         except InputError:

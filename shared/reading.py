@@ -4,7 +4,6 @@ limits.
 
 import codecs
 import os
-import re
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from io import TextIOBase
@@ -25,8 +24,6 @@ defects has half as many.
 
 File: TypeAlias = str | os.PathLike[str] | IO[bytes]
 """The name of a file, or a file object that is open for bytes, such as io.BytesIO."""
-
-_WILD = re.compile(r"[*?]")  # a shell leaves them where they match nothing
 
 
 def is_file(value: object) -> TypeGuard[File]:
@@ -118,7 +115,8 @@ def _opened(path: File, kind: str) -> AbstractContextManager[IO[bytes]]:
         return path.open("rb")
     except FileNotFoundError:
         wild, plain = "no file matches this name with wildcards", "there is no such file"
-        what = wild if _WILD.search(str(path)) else plain
+        # a shell leaves wildcards where they match nothing
+        what = wild if {"*", "?"} & set(str(path)) else plain
         raise MissingFileError(f"{what}; check the name") from None
     except InputError:
         raise

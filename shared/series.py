@@ -4,8 +4,6 @@ name.
 
 import re
 
-_FRAME = re.compile(r"(.+)-(\d+)", re.DOTALL)
-
 
 def frame_name(stem: str, number: int, count: int) -> str:
     """Name of a frame, without the suffix of the file.
@@ -35,5 +33,5 @@ def frame_number(name: str) -> tuple[str, int] | None:
     >>> frame_number("rose-03")
     ('rose', 3)
     """
-    found = _FRAME.fullmatch(name)
+    found = re.fullmatch(r"(.+)-(\d+)", name, re.DOTALL)
     return (found[1], int(found[2])) if found else None

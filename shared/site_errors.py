@@ -28,8 +28,7 @@ def nearness(pattern: CfaPattern) -> DoubleArray:
     [1.0, 0.35, 0.35, 0.23]
     """
     place = np.array(pattern.sites)[:, :2]
-    distance = np.hypot(*np.moveaxis(place[:, None] - place, 2, 0))
-    return _SITE_CORRELATION**distance
+    return _SITE_CORRELATION ** np.hypot(*np.moveaxis(place[:, None] - place, 2, 0))
 
 
 def error_correlation(pattern: CfaPattern) -> tuple[DoubleArray, list[int]]:

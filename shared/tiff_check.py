@@ -13,8 +13,7 @@ from .errors import InputError
 from .limits import check_count
 from .tiff_reading import BYTES, EXIF, GPS, INTEROPERABILITY, Structure
 
-_SUB_IFDS = 330
-_TREE = (_SUB_IFDS, EXIF, GPS, INTEROPERABILITY)
+_TREE = (330, EXIF, GPS, INTEROPERABILITY)  # 330: SubIFDs
 _OFFSETS = (4, 13, 16, 18)  # field types that hold offsets of directories: LONG, IFD, LONG8, IFD8
 
 PLAIN: dict[str, Any] = {"is_lsm": False, "is_ndpi": False, "is_scanimage": False}

@@ -16,7 +16,6 @@ from .tiff import RATIOS, number_format, value_bytes
 
 BYTES = (1, 2, 6, 7)
 """Field types whose values are bytes: BYTE, ASCII, SBYTE, UNDEFINED."""
-_BIG = 43
 EXIF, GPS, INTEROPERABILITY = 34665, 34853, 40965
 _LONGEST = 1 << 16  # bytes of a field
 
@@ -62,8 +61,8 @@ class Structure:
         self.end = file.seek(0, SEEK_END) - place
         header = self.read(0, 16)
         self._order = {b"II": "<", b"MM": ">"}.get(header[:2], "")
-        # Makers of cameras put numbers of their own where TIFF has 42.
-        big = len(header) == 16 and header[2:4] == struct.pack(f"{self._order or '<'}H", _BIG)
+        # Makers of cameras put numbers of their own where TIFF has 42, and BigTIFF 43.
+        big = len(header) == 16 and header[2:4] == struct.pack(f"{self._order or '<'}H", 43)
         layouts = ("Q", "HHQ8s", "Q") if big else ("H", "HHI4s", "I")
         structs = (struct.Struct(self._order + layout) for layout in layouts)
         self._count, self._entry, self._offset = structs

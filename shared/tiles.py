@@ -26,7 +26,6 @@ EXPECTED = (
     f"{', '.join(name.casefold() for name in TILES)}, or K=4 for the paper's block in 4 x 4 pixels"
 )
 """Texts that may stand for a tile, for messages."""
-_PERIOD = re.compile(r"k=([0-9]{1,2})")
 # "Sparse Color Filter #1" of GenICam is Kodak's tile, which begins at this place; the letters are
 # the first row from there on. PFNC 2.4, section 3.1.9, numbers the letters of each (those of WGWR
 # overlap there: its green ones are another's, by mistake).
@@ -43,7 +42,7 @@ def letters_of(text: str) -> str | None:
     ('WBWG/BWGW/WGWR/GWRW', 'RGW/GBW/WWW', None)
     """
     name = "".join(text.split()).casefold()
-    if found := _PERIOD.fullmatch(name):
+    if found := re.fullmatch(r"k=([0-9]{1,2})", name):
         period = int(found[1])
         return "/".join(row + "W" * (period - 2) for row in ("RG", "GB", *["WW"] * (period - 2)))
     if name in _SPARSE:

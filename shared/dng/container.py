@@ -21,9 +21,6 @@ from .tags import DNG_VERSION, LONGEST_SIDE, MAKER, TAG, Compression, Photometri
 PREVIEW_QUALITY = 90  # of 100: no visible artefacts, a tenth of the size of the samples
 DIGEST_TILE = 256
 _SHORT = FieldType.SHORT
-_CHUNKY, _CENTRED = 1, 1
-_BACKWARD_VERSION = bytes([1, 2, 0, 0])  # a reader of DNG 1.2 can show the file
-_PREVIEW_SRGB = 2  # PreviewColorSpace
 _XMP = (
     '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
     '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description '
@@ -76,11 +73,12 @@ def main_directory(
     jpeg = imagecodecs.jpeg8_encode(picture, level=PREVIEW_QUALITY, subsampling="420")
     main.strips = [bytes(jpeg)]
     main.fields |= picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR)
-    main.fields |= fields_of(FieldType.LONG, NewSubfileType=[1], PreviewColorSpace=[_PREVIEW_SRGB])
-    main.fields |= fields_of(_SHORT, YCbCrSubSampling=[2, 2], YCbCrPositioning=[_CENTRED])
+    main.fields |= fields_of(FieldType.LONG, NewSubfileType=[1], PreviewColorSpace=[2])  # sRGB
+    main.fields |= fields_of(_SHORT, YCbCrSubSampling=[2, 2], YCbCrPositioning=[1])  # centred
     main.fields |= fields_of(FieldType.RATIONAL, ReferenceBlackWhite=[0, 255, 128, 255, 128, 255])
-    versions = {"DNGVersion": DNG_VERSION, "DNGBackwardVersion": _BACKWARD_VERSION}
-    main.fields |= fields_of(FieldType.BYTE, **versions, NewRawImageDigest=digest)
+    main.fields |= fields_of(FieldType.BYTE, DNGVersion=DNG_VERSION, NewRawImageDigest=digest)
+    # a reader of DNG 1.2 can show the file
+    main.fields |= fields_of(FieldType.BYTE, DNGBackwardVersion=bytes([1, 2, 0, 0]))
     main.children[TAG["SubIFDs"]] = raw
     return main
 
@@ -159,7 +157,7 @@ def picture_fields(shape: tuple[int, ...], bits: int, compression: int, photomet
     sides = fields_of(FieldType.LONG, ImageWidth=[columns], ImageLength=[rows], RowsPerStrip=[rows])
     samples = fields_of(_SHORT, BitsPerSample=[bits] * planes, SamplesPerPixel=[planes])
     kinds = fields_of(_SHORT, Compression=[compression], PhotometricInterpretation=[photometric])
-    return sides | samples | kinds | fields_of(_SHORT, PlanarConfiguration=[_CHUNKY])
+    return sides | samples | kinds | fields_of(_SHORT, PlanarConfiguration=[1])  # interleaved
 
 
 def check_sides(shape: tuple[int, ...]) -> None:

@@ -14,7 +14,6 @@ from .container import main_directory, raw_digest, raw_directory
 from .record import encode_record
 from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, Photometric, fields_of
 
-_RECTANGULAR = 1
 _LEAST_BITS = 10  # DNG, and libjpeg for uint16, require more than a low white level has
 # Adobe's SDK drops a noise profile whose S is zero (dng_noise_function::IsValid).
 _LEAST_SHOT_NOISE = 1e-12
@@ -62,12 +61,12 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray) -> bytes:
 
 
 def _cfa(pattern: CfaPattern) -> Fields:
-    # from the first sample on: DNG knows no origin
+    # from the first sample on: DNG knows no origin; CFALayout 1: rectangular
     letters = "".join(pattern.letters_from()), pattern.planes
     tile, planes = (bytes(map(CFA_CODES.__getitem__, text)) for text in letters)
     fields = fields_of(FieldType.BYTE, CFAPattern=tile, CFAPlaneColor=planes)
     shape = [pattern.period] * 2
-    return fields | fields_of(FieldType.SHORT, CFARepeatPatternDim=shape, CFALayout=[_RECTANGULAR])
+    return fields | fields_of(FieldType.SHORT, CFARepeatPatternDim=shape, CFALayout=[1])
 
 
 def _levels(pattern: CfaPattern, calibration: SensorCalibration) -> Fields:

@@ -22,10 +22,6 @@ from ..tiff_reading import StoredDirectories, StoredField, StoredFields, read_di
 from .tags import GPS, MAKER, TAG, fields_of, tags_of
 
 LARGEST_SHORT = 65535
-_INCH = 2  # ResolutionUnit
-_ISO_SPEED_ALONE = 3  # SensitivityType: the figure is an ISO speed
-
-_GPS_VERSION = bytes([2, 3, 0, 0])
 _ANGLES = (GPS["GPSLatitude"], "NS"), (GPS["GPSLongitude"], "EW")
 # Field of CaptureMetadata -> tag of its text in the first directory.
 TEXTS = {name.lower(): TAG[name] for name in ("Make", "Model", "Artist", "Copyright")}
@@ -37,7 +33,7 @@ _TIME = "%Y:%m:%d %H:%M:%S"
 _LONGEST = 4096  # bytes of a text: all fields together fit into the 64 KiB of a JPEG's Exif block
 _CONTINUATIONS = bytes(range(0x80, 0xC0))  # of letters in UTF-8
 # what tifffile, ImageJ and OME's programs write about arrays in place of a caption
-_ABOUT_ARRAYS = re.compile(r'\{"shape": |shape=\(|ImageJ=|<\?xml|<OME')
+_ABOUT_ARRAYS = '{"shape": ', "shape=(", "ImageJ=", "<?xml", "<OME"
 _JOINERS = "\u200c\u200d"  # the only format characters that names need
 _XMP_TEXT = rb"""tiff:%b\s*(?:=\s*"([^"<]*)"|=\s*'([^'<]*)'|>([^<]*)<)"""
 
@@ -64,7 +60,7 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
     # TIFF and Exif require a resolution; Exif prescribes this one if it is unknown.
     main.fields |= fields_of(FieldType.RATIONAL, XResolution=[72], YResolution=[72])
     orientation = [metadata.orientation]
-    main.fields |= fields_of(FieldType.SHORT, Orientation=orientation, ResolutionUnit=[_INCH])
+    main.fields |= fields_of(FieldType.SHORT, Orientation=orientation, ResolutionUnit=[2])  # inch
     for name, tag in TEXTS.items():
         if text := getattr(metadata, name):
             main.fields[tag] = FieldType.ASCII, text
@@ -75,8 +71,8 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
             exif.fields[tag] = FieldType.RATIONAL, [number]
     if metadata.iso is not None:
         exif.fields[TAG["ISOSpeedRatings"]] = FieldType.SHORT, [min(metadata.iso, LARGEST_SHORT)]
-        if metadata.iso >= LARGEST_SHORT:  # Exif 2.3, Annex G
-            exif.fields |= fields_of(FieldType.SHORT, SensitivityType=[_ISO_SPEED_ALONE])
+        if metadata.iso >= LARGEST_SHORT:  # Exif 2.3, Annex G; 3: the figure is an ISO speed
+            exif.fields |= fields_of(FieldType.SHORT, SensitivityType=[3])
             exif.fields |= fields_of(FieldType.LONG, ISOSpeed=[metadata.iso])
     if metadata.taken is not None:
         # isoformat, because strftime("%Y") does not fill up the year 987 on every system.
@@ -90,7 +86,7 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
         exif.fields[TAG["OffsetTimeOriginal"]] = FieldType.ASCII, metadata.zone
     main.children[TAG["ExifTag"]] = exif
     if gps := _gps_fields(metadata):
-        gps[GPS["GPSVersionID"]] = FieldType.BYTE, _GPS_VERSION
+        gps[GPS["GPSVersionID"]] = FieldType.BYTE, bytes([2, 3, 0, 0])
         main.children[TAG["GPSTag"]] = Directory(gps)
     return main
 
@@ -142,7 +138,7 @@ def metadata_from(stored: StoredDirectories) -> CaptureMetadata:
         # XMP: see `main_directory`.
         ours = (name for name in ("make", "model") if values[name].startswith(MAKER))
         values |= {name: _xmp_text(main, name.capitalize()) for name in ours}
-    if _ABOUT_ARRAYS.match(values["description"]):
+    if values["description"].startswith(_ABOUT_ARRAYS):
         del values["description"]
     metadata = CaptureMetadata()
     for name, value in values.items():
