@@ -1,12 +1,12 @@
 """The mosaic: what the sensor measured, with everything needed to make sense of it."""
 
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .arrays import CACHED, CodeArray, FloatArray, is_frozen, strips, unmasked
+from .arrays import CACHED, STRIP, CodeArray, FloatArray, is_frozen, strips, unmasked
 from .calibration import SensorCalibration
 from .errors import InputError
 from .metadata import CaptureMetadata
@@ -19,7 +19,7 @@ class Mosaic:
 
     Attributes
     ----------
-    samples : NDArray[np.uint16] | NDArray[np.float32]
+    samples : CodeArray | FloatArray
         uint16 sensor codes, or floating point in scene units (linear, black subtracted, shading
         undone; noise may make it negative, and 1.0 is the scene's white). Kept read-only: as a
         copy, unless the array is float32, read-only and owns its memory, or uint16 in whole rows
@@ -42,7 +42,7 @@ class Mosaic:
     ((12, 18), 3.0)
     """
 
-    samples: NDArray[np.uint16] | NDArray[np.float32]
+    samples: CodeArray | FloatArray
     pattern: CfaPattern
     calibration: SensorCalibration
     metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
@@ -94,19 +94,15 @@ class Mosaic:
         # reads exactly full scale.
         every = np.arange(1 << self.calibration.bits)[:, None]
         levels = (every - self.calibration.black_level) * self.calibration.scale()
-        values = levels.astype(np.float32)
+        values = np.ascontiguousarray(levels.T, np.float32)
         shading = self.calibration.shading
         codes, signal = self.codes, np.empty(self.shape, np.float32)
-        panchromatic = values[:, -1].copy()
         # The look-up takes eight bytes per pixel.
-        for rows in strips(self.shape[0], max(1, CACHED // self.shape[1])):
-            panchromatic.take(codes[rows], out=signal[rows], mode="clip")  # no code is out of range
+        for plane, *lattice in self._lattices(max(1, CACHED // self.shape[1])):
+            # "clip": no code is out of range
+            values[plane].take(codes[*lattice], out=signal[*lattice], mode="clip")
             if shading:
-                signal[rows] *= shading.of_plane(self.shape, -1, rows)
-        for channel, *lattice in self.pattern.lattices:
-            signal[*lattice] = values[:, channel][codes[*lattice]]
-            if shading:
-                signal[*lattice] *= shading.of_plane(self.shape, channel, *lattice)
+                signal[*lattice] *= shading.of_plane(self.shape, plane, *lattice)
         signal.flags.writeable = False
         return signal
 
@@ -120,10 +116,8 @@ class Mosaic:
         if self.samples.dtype == np.uint16:
             return self.samples  # type: ignore[return-value]
         codes = np.empty(self.shape, np.uint16)
-        for rows in strips(self.shape[0]):
-            codes[rows] = self._quantised(-1, rows)
-        for channel, *lattice in self.pattern.lattices:
-            codes[*lattice] = self._quantised(channel, *lattice)
+        for plane, *lattice in self._lattices(STRIP):
+            codes[*lattice] = self._quantised(plane, *lattice)
         codes.flags.writeable = False
         return codes
 
@@ -178,6 +172,13 @@ class Mosaic:
         signal.flags.writeable = False
         return replace(bare, samples=signal)
 
+    def _lattices(self, height: int) -> Iterator[tuple[int, slice, slice]]:
+        """Yield (plane, rows, columns): strips of so many rows as if all their pixels were
+        panchromatic, then the sites of the channels.
+        """
+        yield from ((-1, rows, slice(None)) for rows in strips(self.shape[0], height))
+        yield from self.pattern.lattices
+
     def _check_calibration(self, shape: tuple[int, int]) -> None:
         """Raise InputError unless the calibration is for this pattern and for frames of this
         shape.
@@ -186,7 +187,7 @@ class Mosaic:
         if self.calibration.shading is not None:
             self.calibration.shading.check(shape)
 
-    def _quantised(self, plane: int, rows: slice, columns: slice = slice(None)) -> FloatArray:
+    def _quantised(self, plane: int, rows: slice, columns: slice) -> FloatArray:
         """Samples of one plane in scene units -> whole codes. Single precision is off by less than
         a hundredth of a 16-bit code.
         """
