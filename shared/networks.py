@@ -6,6 +6,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from .errors import InputError
 from .pattern import MIRRORS, PANCHROMATIC, CfaPattern
 
@@ -44,23 +46,18 @@ class Block(NamedTuple):
         """
         height, width = pattern.block_shape
         rows = [row[:width] for row in pattern.letters_from(pattern.block_origin)[:height]]
-        images = [
-            cls(tuple(row[::across] for row in rows[::down]), (down, across))
-            for down, across in MIRRORS
-        ]
-        return max(images, key=lambda image: "".join(image.letters).replace(PANCHROMATIC, " "))
+        images = {step: tuple(row[:: step[1]] for row in rows[:: step[0]]) for step in MIRRORS}
+        steps = max(images, key=lambda step: "".join(images[step]).replace(PANCHROMATIC, " "))
+        return cls(images[steps], steps)
 
     def sites(self, period: int) -> list[int]:
         """Numbers of the pixels of a superpixel, K x K with the block in the middle, that see a
         colour, row by row.
         """
         margin = (period - len(self.letters)) // 2
-        return [
-            (margin + row) * period + margin + column
-            for row, letters in enumerate(self.letters)
-            for column, letter in enumerate(letters)
-            if letter != PANCHROMATIC
-        ]
+        block = np.array([list(row) for row in self.letters])
+        rows, columns = margin + np.argwhere(block != PANCHROMATIC).T
+        return (rows * period + columns).tolist()
 
 
 def network_file(pattern: CfaPattern) -> str:
