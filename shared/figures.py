@@ -38,14 +38,9 @@ def parsed_json(text: str | bytes) -> Any:
     >>> parsed_json('{"gamma": [0.9, 1.1, 0.8]}')
     {'gamma': [0.9, 1.1, 0.8]}
     """
+    hooks: dict[str, Any] = dict.fromkeys(("parse_float", "parse_constant"), _finite_number)
     try:
-        return json.loads(
-            text,
-            parse_int=_whole_number,
-            parse_float=_finite_number,
-            parse_constant=_finite_number,
-            object_pairs_hook=_fields,
-        )
+        return json.loads(text, parse_int=_whole_number, object_pairs_hook=_fields, **hooks)
     except InputError:
         raise
     except (ValueError, RecursionError) as error:  # ValueError: neither UTF-8 nor JSON

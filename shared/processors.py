@@ -23,9 +23,8 @@ def processors() -> int:
     """Number of processors that this process may use: by its affinity, and by the time that its
     control groups get.
     """
-    usable = (
-        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    )
+    affinity = getattr(os, "sched_getaffinity", None)  # macOS has none
+    usable = len(affinity(0)) if affinity else os.cpu_count() or 1
     return min(usable, _quota() or usable)
 
 
