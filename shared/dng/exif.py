@@ -9,11 +9,11 @@ error.
 import html
 import math
 import re
-import unicodedata
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
 from typing import IO, Any
+from unicodedata import category
 
 from ..errors import InputError
 from ..metadata import CaptureMetadata
@@ -163,14 +163,10 @@ def printable(value: str) -> str:
     """Return the text without what does harm on a terminal or in XML: control, format and private
     characters, lone surrogates.
     """
-    kept = ""
-    for letter in value:
-        kind = unicodedata.category(letter)
-        if kind in ("Cc", "Zl", "Zp"):
-            kept += " "
-        elif letter in _JOINERS or kind[0] != "C":
-            kept += letter
-    return kept.strip()
+    # control characters, and separators of lines and paragraphs: categories Cc, Zl and Zp
+    spaced = re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]", " ", value)
+    kept = (letter for letter in spaced if letter in _JOINERS or category(letter)[0] != "C")
+    return "".join(kept).strip()
 
 
 def _decoded(data: bytes) -> str:
