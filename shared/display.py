@@ -56,7 +56,15 @@ def display_white(
     >>> display_white(SensorCalibration(neutral=(0.5, 2.0, 1.0)))[0].tolist()
     [0.25, 1.0, 0.5]
     """
-    camera_to_xyz = _camera_to_xyz(calibration)
+    channels = calibration.channels
+    if calibration.camera_to_xyz is not None:
+        camera_to_xyz = np.array(calibration.camera_to_xyz)
+    elif set("RGB") <= set(channels) or is_pair(channels):
+        camera_to_xyz = nominal_to_xyz(channels, calibration.neutral)
+    else:
+        remedy = "calibrate the camera (panchroma calibrate), or choose"
+        how = '`space="camera"`, as tif, exr or npy'
+        raise InputError(f"no colour matrix for the channels {channels}: {remedy} {how}")
     neutral = white_reading(camera_to_xyz, calibration.neutral)
     coloured = camera_to_xyz.any(axis=0)
     # channels without a colour do not count
@@ -69,20 +77,6 @@ def display_white(
         raise InputError(f"calibration: {mapped}, which is no colour of light; {remedy}")
     rgb_to_xyz = np.array(SRGB_TO_XYZ) if to_xyz is None else to_xyz
     return white, np.linalg.solve(rgb_to_xyz, adaptation(xyz) @ camera_to_xyz)
-
-
-def _camera_to_xyz(calibration: SensorCalibration) -> DoubleArray:
-    """Return the matrix from scene units to XYZ (D50): the measured one, or that of sRGB primaries;
-    float64 (3, C).
-    """
-    channels = calibration.channels
-    if calibration.camera_to_xyz is not None:
-        return np.array(calibration.camera_to_xyz)
-    if not (set("RGB") <= set(channels) or is_pair(channels)):
-        remedy = "calibrate the camera (panchroma calibrate), or choose"
-        how = '`space="camera"`, as tif, exr or npy'
-        raise InputError(f"no colour matrix for the channels {channels}: {remedy} {how}")
-    return nominal_to_xyz(channels, calibration.neutral)
 
 
 def _figures(values: DoubleArray) -> str:
