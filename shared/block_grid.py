@@ -72,9 +72,8 @@ class BlockGrid:
     @cached_property
     def patches(self) -> tuple[int, int]:
         """Number of patches (down, across); the padded frame has K times as many rows."""
-        (above, below), (left, right) = self.padding
-        rows, columns = above + self.frame[0] + below, left + self.frame[1] + right
-        return rows // self.period, columns // self.period
+        (above, _), (left, _) = self.padding
+        return -(-(above + self.frame[0]) // self.period), -(-(left + self.frame[1]) // self.period)
 
     @property
     def shape(self) -> tuple[int, int]:

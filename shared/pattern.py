@@ -230,7 +230,7 @@ class CfaPattern:
         """True if the tile is the block: its colour sites do not form a small one, with
         panchromatic rows and columns around it.
         """
-        return any(self._occupied(axis).all() for axis in (0, 1)) or not self._is_connected
+        return any(self._colour.any(axis).all() for axis in (0, 1)) or not self._is_connected
 
     @cached_property
     def block_origin(self) -> Pair:
@@ -333,11 +333,7 @@ class CfaPattern:
                     starts = down * first[0] % self.period, across * first[1] % self.period
                     return tuple((start, self.period) for start in starts)
             return (0, self.period), (0, self.period)
-        return tuple(_span(self._occupied(axis)) for axis in (1, 0))
-
-    def _occupied(self, axis: int) -> BoolArray:
-        """Mask of the rows (axis 1) or columns (axis 0) of the tile that hold a colour site."""
-        return np.logical_or.reduce(self._colour, axis=axis)
+        return tuple(_span(self._colour.any(axis)) for axis in (1, 0))
 
     @property
     def _is_connected(self) -> bool:

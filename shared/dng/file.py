@@ -13,7 +13,7 @@ from ..writing import write_durably
 from .container import picture_id, raw_digest
 from .encoding import encode_dng
 from .reader import DngReader, damaged, library, opened
-from .record import RECORD, Record, decode_record, is_record, preview_digest
+from .record import RECORD, RECORD_ID, Record, decode_record, preview_digest
 from .tags import MAKER, PICTURE_PLANES, TAG
 
 _SMALL_PREVIEW = 1 << 20  # pixels that are harmless, however small the shot
@@ -137,7 +137,7 @@ def _is_picture(dng: DngReader, foreign: str) -> bool:
     InputError for one whose first directory is not that of a picture, and for a mosaic without
     record.
     """
-    if is_record(dng.stored(TAG["DNGPrivateData"])):
+    if dng.stored(TAG["DNGPrivateData"]).startswith(RECORD_ID):
         return False
     if not dng.stored(TAG["ImageWidth"]):
         raise damaged("its first directory is not that of a picture (ImageWidth)")

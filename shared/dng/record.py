@@ -80,11 +80,6 @@ def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> tuple[bytes
     return RECORD_ID + text, identity
 
 
-def is_record(data: bytes) -> bool:
-    """Return True if DNGPrivateData was written by `encode_record`."""
-    return data.startswith(RECORD_ID)
-
-
 def decode_record(data: bytes) -> Record:
     """The content of a record.
 
