@@ -211,9 +211,8 @@ class SensorCalibration:
                 raise InputError(f"calibration: {name} is {shown(value)}, expected {kind.__name__}")
         letters, count, planes = self.channels, len(self.channels), len(self.channels) + 1
         if not re.fullmatch("[A-Z]{2,}", letters) or len({*letters, PANCHROMATIC}) != planes:
-            expected = "expected two or more different letters A to Z"
-            clear = f"{PANCHROMATIC} stands for panchromatic"
-            raise InputError(f"calibration: channels is {letters!r}, {expected}; {clear}")
+            expected = "expected two or more different letters A to Z; W stands for panchromatic"
+            raise InputError(f"calibration: channels is {letters!r}, {expected}")
         self._set("gamma", count, two_lights.GAMMA_RANGE, default=1.0)
         self._set("black_level", planes, _ANY, default=4096.0)
         store("white_level", whole("calibration: white_level", self.white_level))

@@ -9,11 +9,9 @@ So documents that hold one are refused as a whole.
 import inspect
 import json
 import math
-import operator
 from collections import Counter
 from collections.abc import Callable
-from contextlib import suppress
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any, TypeVar
 
 from .errors import InputError
@@ -115,9 +113,8 @@ def whole(name: str, value: Any) -> int:
     >>> whole("white_level", 4095)
     4095
     """
-    with suppress(TypeError):
-        if not isinstance(value, bool):
-            return operator.index(value)
+    if isinstance(value, Integral) and not isinstance(value, bool):
+        return int(value)
     raise InputError(f"{name} is {shown(value)}, expected a whole number")
 
 

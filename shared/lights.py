@@ -227,7 +227,6 @@ def between(
         None if the neutral is no colour of light.
     """
     seen = np.asarray(neutral, np.float64)
-    to_xyz: DoubleArray = np.zeros((3, len(seen)))
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         share = (low + high) / 2

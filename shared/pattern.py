@@ -26,7 +26,6 @@ PERIODS = range(3, 17)
 BAYER_ORDERS = ("RGGB", "BGGR", "GRBG", "GBRG")
 MIRRORS = (1, 1), (1, -1), (-1, 1), (-1, -1)
 """Steps (down, across) through the four mirror images of a block, or of a tile."""
-_ROW_LETTERS = re.compile("[A-Z]+")
 _FARTHEST = 2  # pixels, each way, from a colour site to the nearest panchromatic pixel at most
 
 
@@ -81,7 +80,7 @@ class CfaPattern:
             expected = f"the period must be {PERIODS[0]} to {PERIODS[-1]}"
             raise InputError(f"pattern: the tile has {period} rows; {expected}")
         for row in self.tile:
-            if len(row) != period or not _ROW_LETTERS.fullmatch(row):
+            if len(row) != period or not re.fullmatch("[A-Z]+", row):
                 expected = f"expected {period} of the letters A to Z: tiles are square"
                 raise InputError(f"pattern: tile row {row!r} has {len(row)} letters, {expected}")
         present = "".join(dict.fromkeys("".join(self.tile).replace(PANCHROMATIC, "")))
@@ -156,7 +155,7 @@ class CfaPattern:
         """
         rows = "/".join((letters_of(letters) or letters).split()).split("/")
         suggestion = "" if PANCHROMATIC in "".join(rows) else meant(letters, TILES)
-        if suggestion or not _ROW_LETTERS.fullmatch("".join(rows)):
+        if suggestion or not re.fullmatch("[A-Z]+", "".join(rows)):
             raise InputError(f"pattern: {letters!r} is not {EXPECTED}{suggestion}")
         width = len(rows[0])
         if any(len(row) != width for row in rows) or not width:
@@ -333,7 +332,7 @@ class CfaPattern:
                     starts = down * first[0] % self.period, across * first[1] % self.period
                     return tuple((start, self.period) for start in starts)
             return (0, self.period), (0, self.period)
-        return tuple(_span(self._colour.any(axis)) for axis in (1, 0))
+        return tuple(_span(np.asarray(self._colour.any(axis))) for axis in (1, 0))
 
     @property
     def _is_connected(self) -> bool:

@@ -9,7 +9,6 @@ pixels of the same sensor.
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -77,7 +76,7 @@ class Shading:
             raise InputError(f"shading: gain is not a list of planes of {grid} of {limits}")
         object.__setattr__(self, "gain", gain)
         object.__setattr__(self, "size", size("shading: size", self.size))
-        focal_length: Any = 0 if self.focal_length is None else self.focal_length
+        focal_length = 0 if self.focal_length is None else self.focal_length
         for name, value in {"residual": self.residual, "focal_length": focal_length}.items():
             if isinstance(value, bool) or not (isinstance(value, int | float) and 0 <= value < 1e6):
                 raise InputError(f"shading: {name} is {shown(value)}, expected 0 to a million")

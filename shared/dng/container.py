@@ -8,9 +8,8 @@ from itertools import product
 
 import imagecodecs
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import ByteArray
+from ..arrays import ByteArray, CodeArray
 from ..errors import InputError
 from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
@@ -83,12 +82,12 @@ def main_directory(
     return main
 
 
-def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometric) -> Directory:
+def raw_directory(samples: CodeArray, bits: int, photometric: Photometric) -> Directory:
     """The directory of the samples, as one strip of lossless JPEG.
 
     Parameters
     ----------
-    samples : NDArray[np.uint16]
+    samples : CodeArray
         (H, W) or (H, W, planes).
     bits : int
         Bits of a sample, 10 to 16.
@@ -106,7 +105,7 @@ def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometr
     return Directory(fields, strips=[encode_lossless(samples, bits)])
 
 
-def raw_digest(samples: NDArray[np.uint16]) -> bytes:
+def raw_digest(samples: CodeArray) -> bytes:
     """NewRawImageDigest (DNG 1.4) of samples (H, W) or (H, W, planes).
 
     It is the MD5 over the MD5s of the 256 x 256 tiles in row order (cut off at the edges), samples
@@ -115,7 +114,7 @@ def raw_digest(samples: NDArray[np.uint16]) -> bytes:
     return md5(tile_digests(samples))
 
 
-def tile_digests(samples: NDArray[np.uint16]) -> bytes:
+def tile_digests(samples: CodeArray) -> bytes:
     """The MD5s that `raw_digest` joins; those of strips of a picture, each `DIGEST_TILE` rows but
     the last, follow each other.
     """
