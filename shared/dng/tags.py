@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from enum import IntEnum
 from typing import Any
 
-from tifffile import TIFF
+from tifffile import PHOTOMETRIC, TIFF
 
 from ..pattern import PANCHROMATIC
 from ..tiff import Fields, FieldType
@@ -35,6 +35,12 @@ GPS: Any = TIFF.GPS_TAGS
 """Names of the tags of the GPS directory, as `TAG`."""
 
 
+Photometric = PHOTOMETRIC
+"""Values of PHOTOMETRIC: CFA is one colour per pixel, as CFA_PATTERN says, LINEAR_RAW every plane
+at every pixel, linear.
+"""
+
+
 def tags_of(names: str) -> set[int]:
     """The numbers of tags, whose names are parted by blanks."""
     return {TAG[name] for name in names.split()}
@@ -52,14 +58,6 @@ class Compression(IntEnum):
 
     NONE = 1
     JPEG = 7  # lossless for raw samples, baseline for the preview
-
-
-class Photometric(IntEnum):
-    """Values of PHOTOMETRIC."""
-
-    YCBCR = 6
-    CFA = 32803  # one colour per pixel, as CFA_PATTERN says
-    LINEAR_RAW = 34892  # every plane at every pixel, linear
 
 
 OTHER_SOURCE = 255  # as IlluminantData says
