@@ -174,23 +174,6 @@ class Shading:
         return f"{self.stops:.2f} stops, {100 * self.colour:.1f} % between colours{lens}"
 
 
-def spline_weights(t: DoubleArray) -> DoubleArray:
-    """Return the weights of the four control points of a uniform cubic B-spline around places 0 <=
-    t < 1, (4, ...).
-
-    The places lie between the second and the third control point.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from panchroma.shared.shading import spline_weights
-    >>> (6 * spline_weights(np.array([0.0]))).ravel().tolist()
-    [1.0, 4.0, 1.0, 0.0]
-    """
-    cubics = (1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3
-    return np.stack(cubics) / 6
-
-
 def basis(length: int, points: int, place: DoubleArray) -> DoubleArray:
     """The weights of all control points at some places, float64 (places, points).
 
@@ -226,9 +209,11 @@ def _weights(length: int, points: int, span: slice) -> tuple[IndexArray, FloatAr
 
 
 def _control_points(place: DoubleArray, points: int) -> tuple[IndexArray, DoubleArray]:
-    """For each place, from 0 to 1 across the frame, the first of its four control points, and their
-    weights, (4, places).
+    """For each place, from 0 to 1 across the frame, the first of its four control points, and the
+    weights of these in a uniform cubic B-spline, (4, places).
     """
     along = place * (points - 3)
     first = np.clip(along.astype(np.intp), 0, points - 4)
-    return first, spline_weights(along - first)
+    t = along - first  # from the second control point, 0, to the third, 1
+    cubics = (1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3
+    return first, np.stack(cubics) / 6
