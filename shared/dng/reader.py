@@ -21,7 +21,7 @@ from ..jpeg_check import LOSSLESS, read_header
 from ..metadata import CaptureMetadata
 from ..reading import File, naming, opened_file
 from ..tiff import LARGEST_TIFF
-from ..tiff_check import PLAIN, check_directories, check_page
+from ..tiff_reading import PLAIN, check_directories, check_page
 from .exif import read_metadata
 from .tags import CFA_CODES, TAG, Compression, Photometric
 

@@ -14,7 +14,7 @@ import tifffile
 import panchroma.shared.tiff
 from panchroma.shared.errors import InputError
 from panchroma.shared.tiff import Directory, FieldType, encode_tiff
-from panchroma.shared.tiff_check import check_directories
+from panchroma.shared.tiff_reading import check_directories
 
 # --- tiff -----------------------------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ from tifffile import TiffPage
 from ...shared import DoubleArray, FloatArray, InputError
 from ...shared.dng.reader import DngReader
 from ...shared.dng.tags import PICTURE_PLANES, TAG, Compression, Photometric, tags_of
-from ...shared.tiff_check import check_page
+from ...shared.tiff_reading import check_page
 from ...shared.white_balance import clipped_share
 from .camera_raw import camera_scene
 from .clipped import SHOULDER, saturation

@@ -13,7 +13,7 @@ from ...shared import DoubleArray, InputError
 from ...shared.colorimetry import D65_XY
 from ...shared.dng.exif import read_metadata
 from ...shared.dng.tags import TAG, tags_of
-from ...shared.tiff_check import PLAIN, check_directories, check_page
+from ...shared.tiff_reading import PLAIN, check_directories, check_page
 from . import decoders
 from .damage import check_strips, data_bytes, guarded
 from .decoders import Decoded, PictureFormat, channels_of, remark_on_unused
