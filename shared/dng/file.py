@@ -12,6 +12,7 @@ from ..reading import MAX_PIXELS, File, naming
 from ..writing import write_durably
 from .container import picture_id, raw_digest
 from .encoding import encode_dng
+from .exif import read_metadata
 from .reader import DngReader, damaged, library, opened
 from .record import RECORD, RECORD_ID, Record, decode_record, preview_digest
 from .tags import MAKER, PICTURE_PLANES, TAG
@@ -167,7 +168,9 @@ def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
     if dng.stored(TAG["NewRawImageDigest"]).hex() != record.samples:
         raise damaged(f"{RECORD} is that of another shot")
     _check_identity(dng, record.id)
-    return Mosaic(samples, record.pattern, record.calibration, dng.metadata()), record
+    # tifffile does not read the capture data: it misreads texts that are not UTF-8
+    metadata = read_metadata(dng.stream)
+    return Mosaic(samples, record.pattern, record.calibration, metadata), record
 
 
 def _check_identity(dng: DngReader, identity: str) -> None:

@@ -18,11 +18,9 @@ from tifffile import TiffFile, TiffPage
 from ..arrays import CodeArray
 from ..errors import InputError, is_program_fault
 from ..jpeg_check import LOSSLESS, read_header
-from ..metadata import CaptureMetadata
 from ..reading import File, naming, opened_file
 from ..tiff import LARGEST_TIFF
 from ..tiff_reading import PLAIN, check_directories, check_page
-from .exif import read_metadata
 from .tags import CFA_CODES, TAG, Compression, Photometric
 
 # tifffile logs every odd field. Applications may listen; by default the messages are dropped.
@@ -76,18 +74,16 @@ def damaged(what: str) -> InputError:
 
 
 class DngReader:
-    """The two directories of a DNG. Methods raise InputError for what is damaged."""
+    """The two directories of a DNG, and its `stream`. Methods raise InputError for what is
+    damaged.
+    """
 
     def __init__(self, stream: IO[bytes], file: TiffFile) -> None:
-        self._stream = stream
+        self.stream = stream
         self._size = stream.seek(0, SEEK_END)
         with library():
             self._main = file.pages.first
         check_page(self._main)
-
-    def metadata(self) -> CaptureMetadata:
-        """The capture data. tifffile does not read them: it misreads texts that are not UTF-8."""
-        return read_metadata(self._stream)
 
     def stored(self, tag: int, page: TiffPage | None = None) -> bytes:
         """The bytes of a field in a directory, None = the first; empty when there is none."""
@@ -210,5 +206,5 @@ class DngReader:
             yield self._bytes(offset, size)
 
     def _bytes(self, offset: int, size: int) -> bytes:
-        self._stream.seek(offset)
-        return self._stream.read(size)
+        self.stream.seek(offset)
+        return self.stream.read(size)
