@@ -195,8 +195,7 @@ def basis(length: int, points: int, place: DoubleArray) -> DoubleArray:
     """
     first, weights = _control_points((place + 0.5) / length, points)
     full = np.zeros((len(place), points))
-    for tap in range(4):
-        full[np.arange(len(place)), first + tap] = weights[tap]
+    np.put_along_axis(full, first[:, None] + np.arange(4), weights.T, axis=1)
     return full
 
 
