@@ -19,7 +19,7 @@ from .block_grid import BlockGrid
 from .colorimetry import COMPLEMENTS
 from .errors import InputError, meant
 from .figures import shown, whole
-from .tiles import CLEAR, EXPECTED, TILES, letters_of, name_of, place_of
+from .tiles import CLEAR, EXPECTED, TILES, letters_of, place_of
 
 PANCHROMATIC = "W"
 PERIODS = range(3, 17)
@@ -200,7 +200,7 @@ class CfaPattern:
     @property
     def name(self) -> str:
         """Name of the tile, wherever it begins, from `shared.tiles`; "" if it has none."""
-        name = name_of(self.tile)
+        name, _ = place_of(self.tile)
         return "" if name in CLEAR and self.derived is None else name
 
     @property

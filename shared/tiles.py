@@ -3,6 +3,8 @@ too.
 """
 
 import re
+from collections.abc import Sequence
+from itertools import product
 
 TILES = {
     # Chakrabarti, Freeman and Zickler 2014, with K = 6
@@ -46,24 +48,8 @@ def letters_of(text: str) -> str | None:
         period = int(found[1])
         return "/".join(row + "W" * (period - 2) for row in ("RG", "GB", *["WW"] * (period - 2)))
     if name in _SPARSE:
-        down, right = _SPARSE[name]
-        rows = TILES["Kodak"].split("/")
-        return "/".join(row[right:] + row[:right] for row in rows[down:] + rows[:down])
+        return _begun(TILES["Kodak"].split("/"), *_SPARSE[name])
     return next((letters for known, letters in TILES.items() if known.casefold() == name), None)
-
-
-def name_of(tile: tuple[str, ...]) -> str:
-    """The name of a tile, wherever in it the rows and columns begin; "" if it has none.
-
-    Examples
-    --------
-    >>> from panchroma.shared.tiles import name_of
-    >>> name_of(("GWRW", "WBWG", "BWGW", "WGWR")), name_of(("RGWW", "GBWW", "WWWW", "WWWW"))
-    ('Kodak', 'K=4')
-    >>> name_of(("RGW", "GWW", "WWB"))
-    ''
-    """
-    return place_of(tile)[0]
 
 
 def place_of(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]]:
@@ -73,15 +59,19 @@ def place_of(tile: tuple[str, ...]) -> tuple[str, tuple[int, int]]:
     Examples
     --------
     >>> from panchroma.shared.tiles import place_of
-    >>> place_of(("GWRW", "WBWG", "BWGW", "WGWR"))
-    ('Kodak', (1, 0))
+    >>> place_of(("GWRW", "WBWG", "BWGW", "WGWR")), place_of(("RGWW", "GBWW", "WWWW", "WWWW"))
+    (('Kodak', (1, 0)), ('K=4', (0, 0)))
+    >>> place_of(("RGW", "GWW", "WWB"))
+    ('', (0, 0))
     """
     period = len(tile)
     known = TILES | {f"K={period}": letters_of(f"K={period}") or ""}
-    begun = {
-        "/".join(row[right:] + row[:right] for row in (*tile[down:], *tile[:down])): (down, right)
-        for down in reversed(range(period))
-        for right in reversed(range(period))
-    }
+    backwards = range(period - 1, -1, -1)  # of places with the same letters the first is kept
+    begun = {_begun(tile, *place): place for place in product(backwards, backwards)}
     found = ((name, begun[letters]) for name, letters in known.items() if letters in begun)
     return next(found, ("", (0, 0)))
+
+
+def _begun(rows: Sequence[str], down: int, right: int) -> str:
+    """The letters of a tile that begins at this row and column of another."""
+    return "/".join(row[right:] + row[:right] for row in (*rows[down:], *rows[:down]))

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ...device.capture.windows import Windows
 from ...shared import BoolArray, CodeArray, DoubleArray, InputError
 from ...shared.pattern import PANCHROMATIC, PERIODS, CfaPattern
-from ...shared.tiles import CLEAR, TILES, name_of, place_of
+from ...shared.tiles import CLEAR, TILES, place_of
 
 DENSE = {
     "Bayer": "RG/GB",
@@ -330,7 +330,7 @@ def _known_tiles(levels: DoubleArray, clear: BoolArray) -> list[tuple[str, Lette
     rows_of = [(name, known[name].split("/")) for name in known if name not in ("paper", *CLEAR)]
     if period in PERIODS and number == period**2 - 4:
         blocks = [CfaPattern.bayer(period, order).tile for order in ("RGGB", "GRBG")]
-        rows_of += [(name_of(blocks[0]), [*tile]) for tile in blocks]
+        rows_of += [(place_of(blocks[0])[0], [*tile]) for tile in blocks]
     tiles = []
     for name, rows in rows_of:
         if len(rows) != period or "".join(rows).count(PANCHROMATIC) != number:
