@@ -249,13 +249,28 @@ def check_directories(file: IO[bytes], read: Container[int] | None = None, pages
         while todo:
             if (place := todo.pop()) in seen:
                 continue
-            below, after, fields = _checked(structure, place, read)
+            count, entries, after = structure.directory(place)
+            check_count(count, "fields in a directory")
+            if len(entries) < count:
+                raise EOFError
+            for entry in entries:
+                if read is None or entry.tag in read or entry.tag in _TREE:
+                    values = "bytes" if entry.kind in BYTES else "numbers"
+                    things = "directories" if entry.tag in _TREE else values
+                    check_count(entry.length, things, f" in field {entry.tag}")
+                    held += min(end, entry.size)
+                if entry.tag in _TREE and entry.kind in _OFFSETS:
+                    offsets = structure.values(entry, entry.size)
+                    if len(offsets) < entry.size:
+                        raise EOFError
+                    below = map(int, structure.numbers(entry.kind, offsets))
+                    # An offset beyond the end of the file is harmless: there is nothing to read.
+                    todo += [offset for offset in below if offset < end]
             following = following if seen else after
             seen.add(place)
             if place == page and pages > 1 and 0 < after < end:
                 pages, page = pages - 1, after
-                below.append(after)
-            todo, held = todo + below, held + fields
+                todo.append(after)
             check_count(len(seen), "directories")
             check_count(-(-held // end), "times its length in fields")
         return following != 0
@@ -264,30 +279,3 @@ def check_directories(file: IO[bytes], read: Container[int] | None = None, pages
         raise InputError(f"damaged: {reason}") from None
     finally:
         file.seek(0)
-
-
-def _checked(
-    structure: Structure, place: int, read: Container[int] | None
-) -> tuple[list[int], int, int]:
-    """Offsets of the directories below the one at offset `place`, that of the next one, and bytes
-    of its fields.
-    """
-    count, entries, after = structure.directory(place)
-    check_count(count, "fields in a directory")
-    if len(entries) < count:
-        raise EOFError
-    below: list[int] = []
-    held = 0
-    for entry in entries:
-        if read is None or entry.tag in read or entry.tag in _TREE:
-            values = "bytes" if entry.kind in BYTES else "numbers"
-            things = "directories" if entry.tag in _TREE else values
-            check_count(entry.length, things, f" in field {entry.tag}")
-            held += min(structure.end, entry.size)
-        if entry.tag in _TREE and entry.kind in _OFFSETS:
-            offsets = structure.values(entry, entry.size)
-            if len(offsets) < entry.size:
-                raise EOFError
-            below += map(int, structure.numbers(entry.kind, offsets))
-    # An offset beyond the end of the file is harmless: there is nothing to read.
-    return [offset for offset in below if offset < structure.end], after, held
