@@ -22,10 +22,8 @@ from .reading import File, file_name, file_object
 try:
     import fcntl
 except ModuleNotFoundError:
-    raise ImportError(
-        "Panchroma runs on Linux and macOS; on Windows install it in the Windows Subsystem for "
-        "Linux (WSL)"
-    ) from None
+    remedy = "on Windows install it in the Windows Subsystem for Linux (WSL)"
+    raise ImportError(f"Panchroma runs on Linux and macOS; {remedy}") from None
 
 OnComplete = Callable[[Path], Callable[[], object]]
 """Called with the complete temporary file. The function it returns is called when the file is on
@@ -37,10 +35,8 @@ _LINK_SECONDS = 60.0
 _LONGEST_NAME = 100  # bytes; with the suffix a name that every file system accepts
 # What fsync of a folder says on file systems that cannot do it: shares of virtual machines, 9p, old
 # CIFS, some of FUSE.
-_CANNOT_SYNC = {
-    *(errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS),
-    *(errno.EBADF, errno.ENOTTY, errno.EISDIR),
-}
+_UNSUPPORTED = errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS
+_CANNOT_SYNC = {*_UNSUPPORTED, errno.EBADF, errno.ENOTTY, errno.EISDIR}
 
 
 def write_durably(
