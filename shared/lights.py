@@ -21,6 +21,10 @@ from .figures import numbers, shown
 Chromaticity = tuple[float, float]  # CIE 1931 x, y
 LightMatrices = Sequence[tuple[Chromaticity, DoubleArray]]
 """Lights, each with its matrix from CIE XYZ to channels."""
+Factors = Sequence[DoubleArray] | None
+"""For each light what the camera reads of what the ColorMatrix says, (C, C): DNG's AnalogBalance
+times CameraCalibration; None = the same.
+"""
 
 ILLUMINANTS: dict[str, Chromaticity] = {  # CIE 15:2018, table T.3
     "A": (0.44758, 0.40745),
@@ -189,9 +193,7 @@ def to_one(xyz_to_camera: DoubleArray) -> DoubleArray:
     return np.asarray(xyz_to_camera / np.abs(xyz_to_camera @ D50).max())
 
 
-def mixed(
-    lights: LightMatrices, share: float, own: Sequence[DoubleArray] | None = None
-) -> DoubleArray:
+def mixed(lights: LightMatrices, share: float, own: Factors = None) -> DoubleArray:
     """Return the matrix from CIE XYZ to channels, (C, 3), at a share of the way from the first of
     two lights, 0, to the second, 1; or for the only one. lights, own: see `between`.
     """
@@ -205,9 +207,7 @@ def share_of(white: Chromaticity, lights: LightMatrices) -> float:
     return float(np.clip((inverse - first) / (second - first), 0, 1))
 
 
-def between(
-    lights: LightMatrices, neutral: ArrayLike, own: Sequence[DoubleArray] | None = None
-) -> Matrix | None:
+def between(lights: LightMatrices, neutral: ArrayLike, own: Factors = None) -> Matrix | None:
     """camera_to_xyz, 3 x C, under the light in which white reads `neutral`, up to scale; it takes
     `neutral` to D50.
 
@@ -217,9 +217,8 @@ def between(
     ----------
     lights : Sequence[tuple[Chromaticity, DoubleArray]]
         Of two different ones the chromaticity, and the ColorMatrix (C, 3) for it.
-    own : Sequence[DoubleArray] | None, optional
-        For each light what the camera reads of what the ColorMatrix says, (C, C): DNG's
-        AnalogBalance times CameraCalibration. None = the same.
+    own : Factors, optional
+        See there.
 
     Returns
     -------
