@@ -6,15 +6,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..calibration import SensorCalibration
 from ..colorimetry import D50, D65_XY, SRGB_TO_XYZ, adaptation, xyz
-from ..lights import Lights, illuminant_xy, to_one
+from ..lights import illuminant_xy, to_one
 from ..tiff import Fields, FieldType
 from .tags import DNG_VERSION_OF_ILLUMINANT_DATA, LIGHT_SOURCES, OTHER_SOURCE, TAG
 
 _MIXTURES = dict(zip("RGBCMY", [*np.eye(3), *(1 - np.eye(3)) / 2], strict=True))
 """Shares of red, green and blue that a nominal filter reads, for all that DNG has codes for."""
-_OF_ILLUMINANT = "ColorMatrix", "CalibrationIlluminant", "IlluminantData"
-_TAGS = [[TAG[f"{name}{number}"] for name in _OF_ILLUMINANT] for number in (1, 2)]
 _MILLION = 1_000_000  # denominator of chromaticities
 
 
@@ -30,60 +29,54 @@ def has_colours(channels: str) -> bool:
 
 
 def colour_fields(
-    camera_to_xyz: ArrayLike | None,
-    neutral: ArrayLike | None,
-    panchromatic: ArrayLike | None = None,
-    channels: str = "RGB",
-    lights: Lights | None = None,
+    to_xyz: ArrayLike | None, neutral: ArrayLike | None, sensor: SensorCalibration | None = None
 ) -> Fields:
     """Fields ColorMatrix, CalibrationIlluminant and AsShotNeutral of a camera with three channels.
 
-    With `lights` there is a matrix for each. Otherwise both, 1 (D50) and 2 (D65), describe the
+    With two lights there is a matrix for each. Otherwise both, 1 (D50) and 2 (D65), describe the
     camera under one light. DNG asks for the one under D50, which the calibration has. But LibRaw,
     darktable and similar programs take any matrix for one under D65, and show saturated colours
     wrong by a tenth unless they find such a matrix.
 
     Parameters
     ----------
-    camera_to_xyz : ArrayLike | None
+    to_xyz : ArrayLike | None
         3 x 3, camera RGB -> XYZ (D50 white); None = a nominal matrix, because DNG requires one:
         sRGB primaries, and of them cyan, magenta and yellow.
     neutral : ArrayLike | None
         Reading of white in the 3 channels; None = the reading that the matrix maps to D50.
-    panchromatic : ArrayLike | None, optional
-        The 3 weights of Eq. 7 if the file has a panchromatic plane; it comes last and reads the
-        weighted sum.
-    channels : str, optional
-        Letters of the channels, for which `has_colours` is true.
-    lights : Lights | None, optional
-        Of a file whose light its reader may choose; None = one light, and all programs show the
-        same colours.
+    sensor : SensorCalibration | None, optional
+        Of a mosaic. Its panchromatic plane comes last and reads the weighted sum of Eq. 7; for its
+        channels `has_colours` is true; if it knows two lights, the reader of the file may choose
+        one. None = a picture, which all programs show in the same colours.
     """
     white = None if neutral is None else np.asarray(neutral, np.float64)
-    if camera_to_xyz is None:
+    channels, panchromatic = (sensor.channels, sensor.gamma) if sensor else ("RGB", None)
+    if to_xyz is None:
         # Adapted to the neutral; otherwise a converter would take the light of the shot for
         # coloured.
         nominal = np.array(SRGB_TO_XYZ) @ np.linalg.inv([_MIXTURES[letter] for letter in channels])
-        camera_to_xyz = nominal if white is None else nominal / white * white.max()
-    to_camera = np.linalg.inv(np.asarray(camera_to_xyz, np.float64))
+        to_xyz = nominal if white is None else nominal / white * white.max()
+    to_camera = np.linalg.inv(np.asarray(to_xyz, np.float64))
     white = _planes(to_camera @ D50 if white is None else white, panchromatic)
     to_camera = _planes(to_camera, panchromatic)
     brightest, most = np.abs(to_camera @ D50).max(), np.abs(white).max()  # become 1, as is usual
     from_d65 = to_camera @ adaptation(xyz(*D65_XY))
     matrices = {"D50": to_camera / brightest, "D65": from_d65 / brightest}
-    if lights:
-        under = {each.illuminant: _planes(each.xyz_to_camera, panchromatic) for each in lights}
-        matrices = {illuminant: to_one(matrix) for illuminant, matrix in under.items()}
+    if sensor and sensor.lights:
+        colours = {light.illuminant: light.xyz_to_camera for light in sensor.lights}
+        matrices = {name: to_one(_planes(colour, panchromatic)) for name, colour in colours.items()}
     # A matrix may make white negative in a channel; AsShotNeutral must not be.
     as_shot = (white / most).clip(1e-6).tolist()
     fields: Fields = {TAG["AsShotNeutral"]: (FieldType.RATIONAL, as_shot)}
-    for (illuminant, matrix), tags in zip(matrices.items(), _TAGS, strict=True):
-        color_matrix, source, data = tags
-        fields[color_matrix] = FieldType.SRATIONAL, matrix.ravel().tolist()
-        fields[source] = FieldType.SHORT, [LIGHT_SOURCES.get(illuminant, OTHER_SOURCE)]
+    for number, (illuminant, matrix) in enumerate(matrices.items(), 1):
+        fields[TAG[f"ColorMatrix{number}"]] = FieldType.SRATIONAL, matrix.ravel().tolist()
+        source = LIGHT_SOURCES.get(illuminant, OTHER_SOURCE)
+        fields[TAG[f"CalibrationIlluminant{number}"]] = FieldType.SHORT, [source]
         if illuminant not in LIGHT_SOURCES:
             x, y = (round(each * _MILLION) for each in illuminant_xy(illuminant))
-            fields[data] = FieldType.UNDEFINED, struct.pack("<H4I", 0, x, _MILLION, y, _MILLION)
+            data = struct.pack("<H4I", 0, x, _MILLION, y, _MILLION)
+            fields[TAG[f"IlluminantData{number}"]] = FieldType.UNDEFINED, data
             fields[TAG["DNGVersion"]] = FieldType.BYTE, DNG_VERSION_OF_ILLUMINANT_DATA
     return fields
 

@@ -51,8 +51,7 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray) -> bytes:
     main = main_directory(preview, mosaic.metadata, camera, raw, digest)
     if photometric is Photometric.CFA:
         raw.fields.update(_cfa(pattern))
-        colours = calibration.camera_to_xyz, calibration.neutral, calibration.gamma
-        main.fields.update(colour_fields(*colours, pattern.channels, calibration.lights))
+        main.fields |= colour_fields(calibration.camera_to_xyz, calibration.neutral, calibration)
     raw.fields.update(_noise(calibration, photometric))
     record, identity = encode_record(mosaic, digest, main.strips[0])
     main.fields |= fields_of(FieldType.BYTE, DNGPrivateData=record)
