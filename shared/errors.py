@@ -96,10 +96,6 @@ class DurabilityWarning(UserWarning):
     """A file is whole and has its name, but it is unsure whether it has it after a power cut."""
 
 
-_BEGINNING = 3  # letters that may stand for a word
-_CLOSE = 0.6  # of 1, by difflib: "bset" and "best" have 0.75
-
-
 def meant(word: str, known: Iterable[str]) -> str:
     """The end of a message: "; did you mean X?" for the known word that begins with `word`, or else
     resembles it most; "" if none does. Capitals do not count.
@@ -111,6 +107,7 @@ def meant(word: str, known: Iterable[str]) -> str:
     ('; did you mean kodak?', '')
     """
     names, word = {name.casefold(): name for name in known}, word.casefold()
-    begun = [name for name in names if len(word) >= _BEGINNING and name.startswith(word)]
-    close = begun if len(begun) == 1 else get_close_matches(word, names, 1, _CLOSE)
+    begun = [name for name in names if len(word) >= 3 and name.startswith(word)]
+    # difflib's 0.6 of 1: "bset" and "best" have 0.75
+    close = begun if len(begun) == 1 else get_close_matches(word, names, 1)
     return f"; did you mean {names[close[0]]}?" if close else ""

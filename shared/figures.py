@@ -18,7 +18,6 @@ from .errors import InputError
 
 Built = TypeVar("Built")
 
-_MOST_DIGITS = 18  # of a whole number in a document: all of them fit into 64 bits
 _SHOWN_LENGTH = 200  # characters of a wrong value in a message
 
 
@@ -143,7 +142,7 @@ def _fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _whole_number(text: str) -> int:
-    if len(text.lstrip("-")) > _MOST_DIGITS:
+    if len(text.lstrip("-")) > 18:  # all numbers of so many digits fit into 64 bits
         digits = f"holds a number of {len(text.lstrip('-'))} digits, {text[:12]}..."
         raise InputError(f"{digits}: no figure of a camera has so many")
     return int(text)

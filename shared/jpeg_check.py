@@ -12,11 +12,9 @@ from .errors import InputError
 from .limits import LIMITS, check_count
 
 LOSSLESS = 0xC3
-_PROGRESSIVE = (0xC2, 0xC6, 0xCA, 0xCE)
 # Without Huffman tables, extensions, arithmetic conditioning.
 _FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 _SCAN, _END = 0xDA, 0xD9
-_APPLICATIONS = range(0xE0, 0xF0)
 # Not a stuffed zero, a filling byte, or one of the markers without a length: a restart, a start,
 # TEM.
 _MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd8\xff]", re.DOTALL)
@@ -68,7 +66,8 @@ class JpegHeader:
             reason = f"{self.columns} x {self.rows}; it is damaged"
             raise InputError(f"a JPEG declares more pixels than it can have, or none: {reason}")
         check_count(self.scans, "scans")
-        if self.kind not in _PROGRESSIVE and self.scans > self.components:
+        # only progressive ones have more
+        if self.scans > self.components and self.kind not in (0xC2, 0xC6, 0xCA, 0xCE):
             counts = f"a JPEG has {self.scans} scans for {self.components} components"
             raise InputError(f"{counts}: it is damaged or malicious")
 
@@ -94,7 +93,7 @@ def read_header(jpeg: bytes) -> JpegHeader:
         length = max(2, int.from_bytes(jpeg[place : place + 2], "big"))
         if marker in _FRAMES and frame is None:
             frame = marker, jpeg[place + 2 : place + 8]
-        elif marker in _APPLICATIONS:
+        elif 0xE0 <= marker <= 0xEF:  # APP0 to APP15
             applications.append(jpeg[place + 2 : place + length])
         scans += marker == _SCAN
         place += length

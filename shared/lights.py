@@ -35,14 +35,9 @@ ILLUMINANTS: dict[str, Chromaticity] = {  # CIE 15:2018, table T.3
 }
 GAMMA_RANGE = (1e-3, 1e3)
 COLOUR_RANGE = (1e-6, 1e6)  # of a column's largest figure, and of a neutral
-_TEMPERATURES = (2000.0, 10000.0)  # K; McCamy's formula is off by 1.2 % at most there
-_DAYLIGHT = 5000.0  # K, from here on: as CIE 13.3 chooses its reference illuminants
-# of two temperatures: nearer lights hardly differ, and the line through their matrices is noise
-_LEAST_RATIO = 1.1
 # condition number, whatever the channels' own scales: beyond it a channel is nearly a mixture of
 # the others
 _WORST_MATRIX = 1e4
-_HALVINGS = 32  # of the interval in which the mixing ratio lies
 
 
 def illuminant_xy(name: str) -> Chromaticity:
@@ -62,12 +57,14 @@ def illuminant_xy(name: str) -> Chromaticity:
     """
     if isinstance(name, str) and name in ILLUMINANTS:
         return ILLUMINANTS[name]
-    low, high = _TEMPERATURES
+    low, high = 2000.0, 10000.0  # K; McCamy's formula is off by 1.2 % at most there
     kelvin = float(name) if isinstance(name, str) and name.isascii() and name.isdigit() else 0.0
     if not low <= kelvin <= high:
         expected = f"expected {', '.join(ILLUMINANTS)}, or {low:g} to {high:g} kelvin"
         raise InputError(f"the light is {shown(name)}, {expected}")
-    if kelvin >= _DAYLIGHT:  # CIE 15:2018, 4.1.2
+    if (
+        kelvin >= 5000
+    ):  # daylight, as CIE 13.3 chooses its reference illuminants: CIE 15:2018, 4.1.2
         cubic = (-4.607e9, 2.9678e6, 99.11, 0.244063)
         if kelvin > 7000:
             cubic = (-2.0064e9, 1.9018e6, 247.48, 0.237040)
@@ -181,7 +178,8 @@ def without_gamma(lights: Lights | None) -> Lights | None:
 def check_apart(first: str, second: str) -> None:
     """Raise InputError unless these are two lights, of different temperatures."""
     warm, cold = sorted(temperature(illuminant_xy(name)) for name in (first, second))
-    if cold < _LEAST_RATIO * warm:
+    # nearer lights hardly differ, and the line through their matrices is noise
+    if cold < 1.1 * warm:
         reason = "take two whose temperatures are 10 % apart, such as A and D65"
         raise InputError(f"the lights {first} and {second} are alike: {reason}")
 
@@ -227,7 +225,7 @@ def between(lights: LightMatrices, neutral: ArrayLike, own: Factors = None) -> M
     """
     seen = np.asarray(neutral, np.float64)
     low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
+    for _ in range(32):  # halvings of the interval in which the mixing ratio lies
         share = (low + high) / 2
         to_xyz = np.asarray(np.linalg.pinv(mixed(lights, share, own)), np.float64)
         white = to_xyz @ seen

@@ -24,7 +24,6 @@ _GAINS = (0.05, 64.0)
 _LARGEST_GAIN = 1e4
 _SKETCH = 129
 _POINTS = range(4, 33)  # control points along an axis: a cubic interval takes four
-_MIDDLE = 0.01  # how far the gain in the middle may be from 1
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ class Shading:
                 raise InputError(f"shading: {name} is {shown(value)}, expected 0 to a million")
         least, most = self.sketch.min(), self.sketch.max()
         middle = self.sketch[:, _SKETCH // 2, _SKETCH // 2]
-        if not _GAINS[0] <= least <= most <= _GAINS[1] or np.abs(middle - 1).max() > _MIDDLE:
+        if not _GAINS[0] <= least <= most <= _GAINS[1] or np.abs(middle - 1).max() > 0.01:
             found = f"{least:.3g} to {most:.3g}, and {middle.tolist()} in the middle of the frame"
             expected = f"expected {_GAINS[0]:g} to {_GAINS[1]:g}, and 1"
             raise InputError(f"shading: the gains are {found}, {expected}")

@@ -199,7 +199,6 @@ def _offset(fields: StoredFields, tag: int) -> int:
 
 
 _TREE = (330, EXIF, GPS, INTEROPERABILITY)  # 330: SubIFDs
-_OFFSETS = (4, 13, 16, 18)  # field types that hold offsets of directories: LONG, IFD, LONG8, IFD8
 
 PLAIN: dict[str, Any] = {"is_lsm": False, "is_ndpi": False, "is_scanimage": False}
 """Arguments of `tifffile.TiffFile` that make it leave alone the kinds of files whose every page it
@@ -259,7 +258,8 @@ def check_directories(file: IO[bytes], read: Container[int] | None = None, pages
                     things = "directories" if entry.tag in _TREE else values
                     check_count(entry.length, things, f" in field {entry.tag}")
                     held += min(end, entry.size)
-                if entry.tag in _TREE and entry.kind in _OFFSETS:
+                # LONG, IFD, LONG8 and IFD8 hold offsets
+                if entry.tag in _TREE and entry.kind in (4, 13, 16, 18):
                     offsets = structure.values(entry, entry.size)
                     if len(offsets) < entry.size:
                         raise EOFError

@@ -10,7 +10,7 @@ from ..calibration import SensorCalibration
 from ..colorimetry import D50, D65_XY, SRGB_TO_XYZ, adaptation, xyz
 from ..lights import illuminant_xy, to_one
 from ..tiff import Fields, FieldType
-from .tags import DNG_VERSION_OF_ILLUMINANT_DATA, LIGHT_SOURCES, OTHER_SOURCE, TAG
+from .tags import LIGHT_SOURCES, TAG
 
 _MIXTURES = dict(zip("RGBCMY", [*np.eye(3), *(1 - np.eye(3)) / 2], strict=True))
 """Shares of red, green and blue that a nominal filter reads, for all that DNG has codes for."""
@@ -71,13 +71,14 @@ def colour_fields(
     fields: Fields = {TAG["AsShotNeutral"]: (FieldType.RATIONAL, as_shot)}
     for number, (illuminant, matrix) in enumerate(matrices.items(), 1):
         fields[TAG[f"ColorMatrix{number}"]] = FieldType.SRATIONAL, matrix.ravel().tolist()
-        source = LIGHT_SOURCES.get(illuminant, OTHER_SOURCE)
+        source = LIGHT_SOURCES.get(illuminant, 255)  # 255: as IlluminantData says
         fields[TAG[f"CalibrationIlluminant{number}"]] = FieldType.SHORT, [source]
         if illuminant not in LIGHT_SOURCES:
             x, y = (round(each * _MILLION) for each in illuminant_xy(illuminant))
             data = struct.pack("<H4I", 0, x, _MILLION, y, _MILLION)
             fields[TAG[f"IlluminantData{number}"]] = FieldType.UNDEFINED, data
-            fields[TAG["DNGVersion"]] = FieldType.BYTE, DNG_VERSION_OF_ILLUMINANT_DATA
+            # the version of DNG that has IlluminantData
+            fields[TAG["DNGVersion"]] = FieldType.BYTE, bytes([1, 6, 0, 0])
     return fields
 
 

@@ -14,10 +14,6 @@ from .container import main_directory, raw_digest, raw_directory
 from .record import encode_record
 from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, Photometric, fields_of
 
-_LEAST_BITS = 10  # DNG, and libjpeg for uint16, require more than a low white level has
-# Adobe's SDK drops a noise profile whose S is zero (dng_noise_function::IsValid).
-_LEAST_SHOT_NOISE = 1e-12
-
 
 def encode_dng(mosaic: Mosaic, preview: ByteArray) -> bytes:
     """Encode a mosaic as a DNG file; `read_dng` returns an equal mosaic, with samples in sensor
@@ -42,7 +38,8 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray) -> bytes:
     stated = has_colours(pattern.channels) and pattern.period <= LONGEST_CFA_PERIOD
     photometric = Photometric.CFA if stated else Photometric.LINEAR_RAW
     with ThreadPoolExecutor(1, "samples") as pool:
-        bits = max(calibration.bits, _LEAST_BITS)
+        # DNG, and libjpeg for uint16, require more bits than a low white level has
+        bits = max(calibration.bits, 10)
         compressed = pool.submit(raw_directory, codes, bits, photometric)
         digest = raw_digest(codes)
     raw = compressed.result()
@@ -94,5 +91,6 @@ def _noise(calibration: SensorCalibration, photometric: Photometric) -> Fields:
     first = -1 if photometric is Photometric.LINEAR_RAW else 0
     profile = list[float]()
     for shot, read in zip(noise.shot[first:], noise.read[first:], strict=True):
-        profile += max(shot / full, _LEAST_SHOT_NOISE), (read / full) ** 2
+        # Adobe's SDK drops a profile whose S is zero (dng_noise_function::IsValid)
+        profile += max(shot / full, 1e-12), (read / full) ** 2
     return fields_of(FieldType.DOUBLE, NoiseProfile=profile)

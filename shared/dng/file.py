@@ -17,7 +17,6 @@ from .reader import DngReader, damaged, library, opened
 from .record import RECORD, RECORD_ID, Record, decode_record, preview_digest
 from .tags import MAKER, PICTURE_PLANES, TAG
 
-_SMALL_PREVIEW = 1 << 20  # pixels that are harmless, however small the shot
 # any of them names us in a file of ours
 _WRITER = (TAG["UniqueCameraModel"], TAG["Make"], TAG["Software"])
 
@@ -182,7 +181,8 @@ def _check_identity(dng: DngReader, identity: str) -> None:
 def _check_preview(jpeg: bytes, pixels: int) -> None:
     """Raise InputError unless the JPEG is whole. pixels: of the shot; a preview has no more."""
     try:
-        read_header(jpeg).check(max(pixels, _SMALL_PREVIEW))
+        # a megapixel is harmless, however small the shot
+        read_header(jpeg).check(max(pixels, 1 << 20))
     except InputError as error:
         raise damaged(f"the preview: {error}") from None
     with library("the preview is not a whole JPEG"):

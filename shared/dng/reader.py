@@ -28,8 +28,6 @@ logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 _TIFF_STARTS = (b"II*\0", b"MM\0*")
 _JPEG_START = b"\xff\xd8\xff"
-_MOST_BYTES = 4  # per sample: lossless JPEG needs three at worst
-_SMALL = 1 << 20  # bytes that are always harmless
 _LARGEST_PREVIEW = 256 << 20
 
 
@@ -141,7 +139,8 @@ class DngReader:
             limit = f"the limit is {max_pixels}, `max_pixels` raises it"
             raise InputError(f"the file declares {columns} x {rows} pixels; {limit}")
         held = self._check_segments(page)
-        if held > _MOST_BYTES * rows * columns * planes + _SMALL:
+        # lossless JPEG needs three bytes per sample at worst; a mebibyte is always harmless
+        if held > 4 * rows * columns * planes + (1 << 20):
             raise damaged(f"{held} bytes of samples for {columns} x {rows} pixels")
         if page.compression not in tuple(Compression):
             remedy = "a mosaic is lossless JPEG or uncompressed; export it again so"

@@ -14,7 +14,6 @@ from ..tiff import Fields, FieldType
 MAKER = "Panchroma"
 
 DNG_VERSION = bytes([1, 4, 0, 0])
-DNG_VERSION_OF_ILLUMINANT_DATA = bytes([1, 6, 0, 0])
 
 # The longest period of a CFA and of black levels that Adobe's SDK supports (kMaxCFAPattern,
 # kMaxBlackPattern).
@@ -60,6 +59,5 @@ class Compression(IntEnum):
     JPEG = 7  # lossless for raw samples, baseline for the preview
 
 
-OTHER_SOURCE = 255  # as IlluminantData says
 LIGHT_SOURCES = {"A": 17, "D55": 20, "D65": 21, "D75": 22, "D50": 23}
 """Values of CalibrationIlluminant, which are those of LightSource in Exif."""
