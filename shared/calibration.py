@@ -32,7 +32,6 @@ OPTIONAL = "neutral_estimated", "shading", "lights"
 """Fields that a JSON object has only where they are not empty."""
 BITS = range(8, 17)
 _Limits = tuple[float, float]
-_ANY = (-math.inf, math.inf)
 _KINDS = {"channels": str, "sensor": str, "camera": str, "neutral_estimated": bool}
 
 # What a camera can have, with orders of magnitude to spare. Single precision computes with squares
@@ -214,7 +213,7 @@ class SensorCalibration:
             expected = "expected two or more different letters A to Z; W stands for panchromatic"
             raise InputError(f"calibration: channels is {letters!r}, {expected}")
         self._set("gamma", count, two_lights.GAMMA_RANGE, default=1.0)
-        self._set("black_level", planes, _ANY, default=4096.0)
+        self._set("black_level", planes, (-math.inf, math.inf), default=4096.0)
         store("white_level", whole("calibration: white_level", self.white_level))
         black, white = self.black_level, self.white_level
         if not 0 <= min(black) <= max(black) <= white - _LEAST_RANGE <= 65535 - _LEAST_RANGE:

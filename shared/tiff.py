@@ -16,8 +16,6 @@ from tifffile import DATATYPE, TIFF
 
 from .errors import InputError
 
-STRIP_OFFSETS, STRIP_BYTES = 273, 279
-TILE_WIDTH, TILE_OFFSETS, TILE_BYTES = 322, 324, 325
 LARGEST_TIFF = 2**32  # bytes: offsets have 32 bits
 # the header, and where in it the offset of the first directory belongs
 _HEADER, _FIRST = b"II*\0\0\0\0\0", 4
@@ -96,9 +94,9 @@ def _place(directory: Directory, strips: Iterable[bytes | memoryview], file: Bin
     """
     fields = dict(directory.fields)
     if placed := [(_append(strip, file), len(strip)) for strip in strips]:
-        tags = (TILE_OFFSETS, TILE_BYTES) if TILE_WIDTH in fields else (STRIP_OFFSETS, STRIP_BYTES)
-        for tag, numbers in zip(tags, zip(*placed, strict=True), strict=True):
-            fields[tag] = FieldType.LONG, numbers
+        chunk = "Tile" if TIFF.TAGS["TileWidth"] in fields else "Strip"
+        for name, numbers in zip(("Offsets", "ByteCounts"), zip(*placed, strict=True), strict=True):
+            fields[TIFF.TAGS[chunk + name]] = FieldType.LONG, numbers
     for tag, child in directory.children.items():
         fields[tag] = FieldType.LONG, [_place(child, child.strips, file)]
     table = bytearray(struct.pack("<H", len(fields)))

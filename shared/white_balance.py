@@ -28,9 +28,6 @@ _DARK, _BRIGHT = 0.02, 0.95  # colours between these are above the noise and bel
 # matrix does not describe: a picture that was never balanced.
 _NEAR, _FAR = 0.05, 0.2
 _KELVINS = np.geomspace(2500, 10000, 50).round().astype(int)
-_ENOUGH = 100  # well exposed colours that an estimate needs
-# Blocks that are looked at: more make no better estimate, and a camera has no time for them.
-_MOST_BLOCKS = 1 << 16
 
 
 def normalised(neutral: DoubleArray) -> tuple[float, ...]:
@@ -59,7 +56,7 @@ def shades_of_grey(colours: FloatArray, full_scale: float = 1.0) -> tuple[float,
     planes = np.ascontiguousarray(colours.T)
     fit = (planes.max(axis=0) < _BRIGHT * full_scale) & (planes.mean(axis=0) > _DARK)
     usable = colours[fit].astype(np.float64, order="C")  # the order in which the mean adds
-    if len(usable) < _ENOUGH:
+    if len(usable) < 100:  # well exposed colours that an estimate needs
         return None
     shade = np.mean(usable**_MINKOWSKI, axis=0) ** (1 / _MINKOWSKI)
     return normalised(shade) if shade.min() > 0 else None
@@ -74,7 +71,8 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     """
     calibration, grid = mosaic.calibration, mosaic.pattern.grid(mosaic.shape)
     tops, lefts = grid.whole_rows, grid.whole_columns
-    every = max(1, len(tops) * len(lefts) // _MOST_BLOCKS)
+    # More than 65536 blocks make no better estimate, and a camera has no time for them.
+    every = max(1, len(tops) * len(lefts) >> 16)
     blocks = _blocks(mosaic, tops[every // 2 :: every], lefts)
     # The sixth power would believe a single hot pixel: the median of three neighbours does not.
     left, middle, right = (blocks[..., start : blocks.shape[2] // 3 * 3 : 3] for start in range(3))

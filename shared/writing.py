@@ -31,8 +31,6 @@ the disk, before the rename.
 """
 
 _PARTIAL = re.compile(r"\..*\.[0-9a-f]{8}\.panchroma\.(part|lock)", re.DOTALL)
-_LINK_SECONDS = 60.0
-_LONGEST_NAME = 100  # bytes; with the suffix a name that every file system accepts
 # What fsync of a folder says on file systems that cannot do it: shares of virtual machines, 9p, old
 # CIFS, some of FUSE.
 _UNSUPPORTED = errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS
@@ -167,7 +165,8 @@ def short_name(path: Path) -> str:
     """The beginning of a file's name: short enough to stand in another name, and no character
     of UTF-8 is cut in two.
     """
-    return os.fsdecode(os.fsencode(path.name)[:_LONGEST_NAME].decode(errors="ignore").encode())
+    # 100 bytes: with the suffix a name that every file system accepts
+    return os.fsdecode(os.fsencode(path.name)[:100].decode(errors="ignore").encode())
 
 
 def own_file(path: Path, mode: str, *, buffering: int = -1) -> IO[bytes]:
@@ -221,7 +220,7 @@ def sweep(folder: Path | str) -> int:
                 status = partial.lstat()
                 if status.st_uid != os.geteuid():
                     continue
-                if stat.S_ISLNK(status.st_mode) and time.time() - status.st_mtime > _LINK_SECONDS:
+                if stat.S_ISLNK(status.st_mode) and time.time() - status.st_mtime > 60:
                     partial.unlink()
                     removed += 1
                 elif stat.S_ISREG(status.st_mode):

@@ -29,9 +29,7 @@ TEXTS["description"] = TAG["ImageDescription"]
 # Field of CaptureMetadata -> tag of its number in the Exif directory.
 _MEASURES = "exposure_time", "f_number", "focal_length"
 NUMBERS = {name: TAG[name.title().replace("_", "")] for name in _MEASURES}
-_TIME = "%Y:%m:%d %H:%M:%S"
 _LONGEST = 4096  # bytes of a text: all fields together fit into the 64 KiB of a JPEG's Exif block
-_CONTINUATIONS = bytes(range(0x80, 0xC0))  # of letters in UTF-8
 # what tifffile, ImageJ and OME's programs write about arrays in place of a caption
 _ABOUT_ARRAYS = '{"shape": ', "shape=(", "ImageJ=", "<?xml", "<OME"
 _JOINERS = "\u200c\u200d"  # the only format characters that names need
@@ -152,8 +150,8 @@ def text(fields: StoredFields, tag: int) -> str:
     4096 bytes of UTF-8.
     """
     data = fields.get(tag, StoredField(0)).data
-    if len(data) > 2 * _LONGEST:  # enough, and without half a letter at the end
-        data = data[: 2 * _LONGEST].rstrip(_CONTINUATIONS)[:-1]
+    if len(data) > 2 * _LONGEST:  # enough, and without half a letter of UTF-8 at the end
+        data = data[: 2 * _LONGEST].rstrip(bytes(range(0x80, 0xC0)))[:-1]
     # A NUL separates the photographer from the editor in Copyright, and ends every text.
     texts = (printable(_decoded(text)) for text in data.split(b"\0"))
     return "; ".join(filter(None, texts)).encode()[:_LONGEST].decode(errors="ignore")
@@ -188,7 +186,8 @@ def _time(fields: StoredFields, kind: str) -> datetime | None:
     the second; None if it is not one.
     """
     try:
-        taken = datetime.strptime(text(fields, TAG[f"DateTime{kind}"])[:19], _TIME)  # noqa: DTZ007  Exif has local time without zone
+        stated = text(fields, TAG[f"DateTime{kind}"])[:19]
+        taken = datetime.strptime(stated, "%Y:%m:%d %H:%M:%S")  # noqa: DTZ007  Exif has local time
     except ValueError:
         return None
     digits = re.fullmatch("[0-9]+", text(fields, TAG[f"SubsecTime{kind}"]))

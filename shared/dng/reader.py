@@ -26,7 +26,6 @@ from .tags import CFA_CODES, TAG, Compression, Photometric
 # tifffile logs every odd field. Applications may listen; by default the messages are dropped.
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
-_TIFF_STARTS = (b"II*\0", b"MM\0*")
 _JPEG_START = b"\xff\xd8\xff"
 _LARGEST_PREVIEW = 256 << 20
 
@@ -40,7 +39,7 @@ def opened(path: File) -> Iterator["DngReader"]:
         start = stream.read(4)
         if start.startswith(_JPEG_START):
             raise InputError("a JPEG picture, not a DNG; `panchroma simulate` makes a shot of it")
-        if start not in _TIFF_STARTS:
+        if start not in (b"II*\0", b"MM\0*"):
             starts = "it does not begin like a TIFF file; give a shot of Panchroma"
             raise InputError(f"not a DNG: {starts}")
         check_directories(stream)
@@ -56,12 +55,10 @@ def library(fault: str = "its parts contradict each other") -> Iterator[None]:
     """
     try:
         yield
-    except MemoryError:
-        raise
     # Deliberately every class: on damaged bytes tifffile and imagecodecs raise a dozen, none with a
     # message for users.
     except Exception as error:
-        if is_program_fault(error):
+        if isinstance(error, MemoryError) or is_program_fault(error):
             raise
         raise damaged(fault) from error
 
