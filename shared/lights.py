@@ -35,9 +35,6 @@ ILLUMINANTS: dict[str, Chromaticity] = {  # CIE 15:2018, table T.3
 }
 GAMMA_RANGE = (1e-3, 1e3)
 COLOUR_RANGE = (1e-6, 1e6)  # of a column's largest figure, and of a neutral
-# condition number, whatever the channels' own scales: beyond it a channel is nearly a mixture of
-# the others
-_WORST_MATRIX = 1e4
 
 
 def illuminant_xy(name: str) -> Chromaticity:
@@ -292,6 +289,8 @@ def checked_matrix(values: Any, channels: int) -> Matrix:
         column = f"a column whose largest figure is not {least:g} to {most:g}"
         raise InputError(f"calibration: camera_to_xyz has {column}: {rows}")
     lengths = np.sqrt((matrix**2).sum(axis=0))
-    if not np.linalg.cond(matrix / np.where(lengths > 0, lengths, 1)) < _WORST_MATRIX:
+    # condition number, whatever the channels' own scales: beyond it a channel is nearly a mixture
+    # of the others
+    if not np.linalg.cond(matrix / np.where(lengths > 0, lengths, 1)) < 1e4:
         raise InputError(f"calibration: camera_to_xyz has not full rank: {rows}")
     return rows

@@ -54,9 +54,8 @@ class Block(NamedTuple):
         """Numbers of the pixels of a superpixel, K x K with the block in the middle, that see a
         colour, row by row.
         """
-        margin = (period - len(self.letters)) // 2
         block = np.array([list(row) for row in self.letters])
-        rows, columns = margin + np.argwhere(block != PANCHROMATIC).T
+        rows, columns = (period - len(block)) // 2 + np.argwhere(block != PANCHROMATIC).T
         return (rows * period + columns).tolist()
 
 

@@ -94,11 +94,10 @@ class CfaPattern:
             companion = COMPLEMENTS.get(present, "")
             object.__setattr__(self, "channels", "RGB" if of_rgb else present + companion)
         named = self.channels
-        derived = set(named) - set(present)
         if set(present) - set(named) or len(set(named)) < len(named) or PANCHROMATIC in named:
             reason = f"channels {named!r} do not name the tile's letters {present!r}, each once"
             raise InputError(f"pattern: {reason}")
-        if len(derived) > 1 or len(named) < 2:
+        if len(set(named) - set(present)) > 1 or len(named) < 2:
             both = f"channels {named!r} of a tile with the letters {present!r}"
             seen = "it is what panchromatic pixels see beyond the others"
             expected = f"expected two or more, of which one at most has no filter: {seen}"

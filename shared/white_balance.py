@@ -205,12 +205,11 @@ def balanced(
     InputError
         When the calibration has a matrix for which no reading is white.
     """
-    white, matrix = np.array(normalised(neutral)), calibration.camera_to_xyz
+    white, matrix = normalised(neutral), calibration.camera_to_xyz
     if matrix is not None and calibration.lights is None:
         before = white_reading(matrix, calibration.neutral)
         if before.min() <= 0:
             reason = "camera_to_xyz maps no possible reading to white; calibrate again"
             raise InputError(f"calibration: {reason}")
-        matrix = as_rows(np.array(matrix) * (normalised(before) / white))
-    seen = tuple(white.tolist())
-    return replace(calibration, neutral=seen, neutral_estimated=estimated, camera_to_xyz=matrix)
+        matrix = as_rows(np.array(matrix) * (np.array(normalised(before)) / white))
+    return replace(calibration, neutral=white, neutral_estimated=estimated, camera_to_xyz=matrix)

@@ -39,8 +39,7 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray) -> bytes:
     photometric = Photometric.CFA if stated else Photometric.LINEAR_RAW
     with ThreadPoolExecutor(1, "samples") as pool:
         # DNG, and libjpeg for uint16, require more bits than a low white level has
-        bits = max(calibration.bits, 10)
-        compressed = pool.submit(raw_directory, codes, bits, photometric)
+        compressed = pool.submit(raw_directory, codes, max(calibration.bits, 10), photometric)
         digest = raw_digest(codes)
     raw = compressed.result()
     raw.fields.update(_levels(pattern, calibration))

@@ -168,8 +168,7 @@ def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
         raise damaged(f"{RECORD} is that of another shot")
     _check_identity(dng, record.id)
     # tifffile does not read the capture data: it misreads texts that are not UTF-8
-    metadata = read_metadata(dng.stream)
-    return Mosaic(samples, record.pattern, record.calibration, metadata), record
+    return Mosaic(samples, record.pattern, record.calibration, read_metadata(dng.stream)), record
 
 
 def _check_identity(dng: DngReader, identity: str) -> None:
