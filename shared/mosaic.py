@@ -49,8 +49,7 @@ class Mosaic:
 
     def __post_init__(self) -> None:
         samples = unmasked(self.samples)
-        if not samples.dtype.isnative:
-            samples = samples.astype(samples.dtype.newbyteorder())
+        samples = samples.astype(samples.dtype.newbyteorder("="), copy=False)
         if samples.ndim != 2:
             found = f"the samples have shape {samples.shape}"
             raise InputError(f"a mosaic has two axes (rows, columns); {found}")

@@ -12,13 +12,12 @@ from functools import cached_property
 
 import numpy as np
 
-from .arrays import DoubleArray, FloatArray, IndexArray
+from .arrays import DoubleArray, FloatArray, IndexArray, Pair
 from .errors import InputError
 from .figures import numbers, shown, size
 
 ZOOMED = 0.02
 """Relative difference of focal lengths from which on they are two."""
-_WHOLE = slice(None)
 _GAINS = (0.05, 64.0)
 # Control points beyond the edges, of which little is seen, may be far from the gain.
 _LARGEST_GAIN = 1e4
@@ -116,7 +115,7 @@ class Shading:
         return f"{both}: colours towards the corners may be wrong"
 
     def of_plane(
-        self, shape: tuple[int, int], plane: int = -1, rows: slice = _WHOLE, columns: slice = _WHOLE
+        self, shape: Pair, plane: int = -1, rows: slice = slice(None), columns: slice = slice(None)
     ) -> FloatArray:
         """The gain of a plane in a window of a frame, float32 (rows, columns).
 

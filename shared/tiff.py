@@ -17,8 +17,6 @@ from tifffile import DATATYPE, TIFF
 from .errors import InputError
 
 LARGEST_TIFF = 2**32  # bytes: offsets have 32 bits
-# the header, and where in it the offset of the first directory belongs
-_HEADER, _FIRST = b"II*\0\0\0\0\0", 4
 
 
 FieldType = DATATYPE
@@ -81,9 +79,9 @@ def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes | me
     InputError
         Beyond the 4 GiB of the format.
     """
-    file.write(_HEADER)
+    file.write(b"II*\0" + bytes(4))
     place = _place(directory, strips, file)
-    file.seek(_FIRST)
+    file.seek(4)  # there the header has the offset of the first directory
     file.write(struct.pack("<I", place))
     file.seek(0, SEEK_END)
 
