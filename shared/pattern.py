@@ -312,8 +312,7 @@ class CfaPattern:
 
     @cached_property
     def _tile_planes(self) -> ByteArray:
-        rows = [[self.planes.index(letter) for letter in row] for row in self.tile]
-        return np.array(rows, np.uint8)
+        return np.array([[*map(self.planes.index, row)] for row in self.tile], np.uint8)
 
     @cached_property
     def _colour(self) -> BoolArray:

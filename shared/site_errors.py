@@ -12,9 +12,6 @@ import numpy as np
 from .arrays import DoubleArray
 from .pattern import CfaPattern
 
-# correlation of errors one pixel apart, and of two channels at one pixel
-_SITE_CORRELATION, _CHANNEL_CORRELATION = 0.35, 0.4
-
 
 def nearness(pattern: CfaPattern) -> DoubleArray:
     """Correlation of the errors at two sites of a block, float64 (S, S): 0.35 to the power of their
@@ -28,7 +25,7 @@ def nearness(pattern: CfaPattern) -> DoubleArray:
     [1.0, 0.35, 0.35, 0.23]
     """
     place = np.array(pattern.sites)[:, :2]
-    return _SITE_CORRELATION ** np.hypot(*np.moveaxis(place[:, None] - place, 2, 0))
+    return 0.35 ** np.hypot(*np.moveaxis(place[:, None] - place, 2, 0))
 
 
 def error_correlation(pattern: CfaPattern) -> tuple[DoubleArray, list[int]]:
@@ -46,7 +43,7 @@ def error_correlation(pattern: CfaPattern) -> tuple[DoubleArray, list[int]]:
     ((12, 12), [0, 4, 7, 11])
     """
     channels = len(pattern.channels)
-    between = np.full((channels, channels), _CHANNEL_CORRELATION)
+    between = np.full((channels, channels), 0.4)  # of two channels at one pixel
     np.fill_diagonal(between, 1)
     measured = [site * channels + channel for site, (_, _, channel) in enumerate(pattern.sites)]
     return np.kron(nearness(pattern), between).astype(np.float64), measured

@@ -38,10 +38,9 @@ _XMP_TEXT = rb"""tiff:%b\s*(?:=\s*"([^"<]*)"|=\s*'([^'<]*)'|>([^<]*)<)"""
 _TIME_FIELDS = "DateTime", "SubsecTime", "OffsetTime"
 _TIMES = "Original", "Digitized", ""  # ends of the names of their fields
 _SENSITIVITIES = "ISOSpeed", "RecommendedExposureIndex", "StandardOutputSensitivity"
-_OTHERS = "LensModel Orientation ISOSpeedRatings XMP UniqueCameraModel"
+_OTHERS = "LensModel Orientation ISOSpeedRatings XMP UniqueCameraModel " + " ".join(_SENSITIVITIES)
 # 0 to 6: GPS
 WANTED = frozenset({*TEXTS.values(), *NUMBERS.values(), *tags_of(_OTHERS), *range(7)})
-WANTED |= tags_of(" ".join(_SENSITIVITIES))
 WANTED |= {TAG[f"{name}{kind}"] for name in _TIME_FIELDS for kind in _TIMES}
 """The tags that `metadata_from` looks at."""
 
