@@ -4,7 +4,7 @@ whichever process on whichever machine gets it.
 
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, replace
@@ -25,7 +25,17 @@ from ..io.kind import PictureKind, write_picture
 from .checks import check_light, check_memory
 from .chosen_white import AS_SHOT, WhiteBalance
 from .compilation import announced_compilation, compile_ahead
-from .jobs import Job, Outcome, State, file_status, identity, planned, refuse_existing
+from .console import Console
+from .jobs import (
+    Job,
+    Outcome,
+    State,
+    file_status,
+    identity,
+    planned,
+    refuse_existing,
+    run_jobs,
+)
 from .journal import Entry, Journal, digest, key, output_lock
 from .progress import Note, StageProgress
 
@@ -383,14 +393,31 @@ def _whitened(
     listener.stage("writing", 1)
 
 
-def kept(run: FileRun, work: Writing, job: Job, listener: StageProgress) -> Outcome:
-    """Do a job, unless its files are all up to date; what is written is noted in the journal."""
+def run_kept(
+    run: FileRun, jobs: Sequence[Job], work: Writing, console: Console, **settings: Any
+) -> int:
+    """Do jobs as `run_jobs` does, each as `kept` says; returns the exit code.
+
+    settings: of `run_jobs`.
+    """
+    expected = {output for job in jobs for output in job.outputs}
+    do = partial(kept, run, work, expected)
+    return run_jobs(jobs, do, console, overwrite=run.may_replace, **settings)
+
+
+def kept(
+    run: FileRun, work: Writing, expected: Container[Path], job: Job, listener: StageProgress
+) -> Outcome:
+    """Do a job, unless its files are all up to date; what is written is noted in the journal.
+
+    expected: outputs of all jobs of the run, of which some may not have been made yet.
+    """
     with _in_turn(run, job):
         source = _digest(job) or key(drawn=job.source)
         found = {output: _existing(run, job, output, source) for output in job.outputs}
         if all(each.current for each in found.values()):
             return _up_to_date(job.output, "current")
-        left_over = _made_with(run, job)
+        left_over = [path for path in _made_with(run, job) if path not in expected]
 
         def keep(output: Path) -> dict[str, Any]:
             if found[output].changed:
@@ -401,22 +428,19 @@ def kept(run: FileRun, work: Writing, job: Job, listener: StageProgress) -> Outc
             return {"overwrite": replaced, "on_complete": lambda whole: partial(note, whole)}
 
         outcome = work(job, listener, keep)
-        for path in left_over:
-            latest = run.journal.of(run.name(path))[-1]
-            if latest.run != run.run and os.path.lexists(path):
-                what = "was made with what is replaced, and does not belong to what is there now"
-                listener.note(f"{path}: {what}: remove it")
+        for path in filter(os.path.lexists, left_over):
+            what = "was made with what is replaced, and does not belong to what is there now"
+            listener.note(f"{path}: {what}: remove it")
         return outcome
 
 
-def _made_with(run: FileRun, job: Job) -> list[Path]:
-    """Files that earlier runs made with the outputs, and that this one does not make: beside its
-    own they may be taken for theirs.
+def _made_with(run: FileRun, job: Job) -> Iterable[Path]:
+    """Files that an earlier run made with the outputs: beside those of this run they may be taken
+    for theirs.
     """
     names = map(run.name, job.outputs)
     entries = (entry for name in names for entry in run.journal.made_with(name))
-    paths = dict.fromkeys(run.folder / entry.output for entry in entries)
-    return [path for path in paths if path not in job.outputs]
+    return dict.fromkeys(run.folder / entry.output for entry in entries)
 
 
 def _note_in_journal(

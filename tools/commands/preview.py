@@ -7,7 +7,6 @@ device/preview/contract.py describes its inputs and outputs.
 """
 
 import argparse
-from functools import partial
 from pathlib import Path
 
 from ...shared import read_camera, read_dng
@@ -15,9 +14,9 @@ from ...shared.errors import InputError
 from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import DNGS, plan, search
-from ..batch.jobs import FAILED, Job, Outcome, output_folder, planned, refuse_existing, run_jobs
+from ..batch.jobs import FAILED, Job, Outcome, output_folder, planned, refuse_existing
 from ..batch.journal import digest
-from ..batch.order import Keep, kept
+from ..batch.order import Keep, run_kept
 from ..batch.previews import Previews
 from ..batch.progress import StageProgress
 from ..io.formats.jpg import check_quality, encode_jpeg
@@ -72,8 +71,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     files = search(arguments.shots, DNGS, output=folder)
     searched = files.report(console)
     jobs = plan(files.sources, lambda name: [f"{Path(name).stem}.jpg"], folder, dry_run=run.dry_run)
-    settings = {"overwrite": run.may_replace, "threads": arguments.jobs}
-    code = run_jobs(jobs, partial(kept, run, work), console, **settings)
+    code = run_kept(run, jobs, work, console, threads=arguments.jobs)
     return code if searched else FAILED
 
 

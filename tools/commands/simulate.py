@@ -31,9 +31,9 @@ from ...shared.series import frame_name
 from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import plan, search
-from ..batch.jobs import FAILED, Job, Outcome, output_folder, planned, run_jobs
+from ..batch.jobs import FAILED, Job, Outcome, output_folder, planned
 from ..batch.journal import digest
-from ..batch.order import Keep, kept
+from ..batch.order import Keep, run_kept
 from ..batch.previews import Previews
 from ..batch.progress import StageProgress
 from ..io.development import Development
@@ -158,8 +158,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     searched = scenes.report(console)
     notes: list[tuple[str, tuple[str, ...]]] = []
     jobs = plan(scenes.sources, names, folder, dry_run=run.dry_run)
-    settings = {"overwrite": run.may_replace, "threads": arguments.jobs}
-    code = run_jobs(jobs, partial(kept, run, work), console, show=console.progress, **settings)
+    code = run_kept(run, jobs, work, console, show=console.progress, threads=arguments.jobs)
     console.notes(notes)
     return code if searched else FAILED
 
