@@ -13,8 +13,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from ...shared import Camera, Mosaic, read_dng
-from ...shared.arrays import ByteArray, FloatArray
+from ...shared import ByteArray, Camera, FloatArray, Mosaic, read_dng
 from ...shared.errors import InputError, OutputError, PanchromaError
 from ...shared.processors import threads
 from ...shared.progress import Progress

@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...shared import CfaPattern, Mosaic, read_dng, write_dng
-from ...shared.arrays import DoubleArray, FloatArray
+from ...shared import CfaPattern, DoubleArray, FloatArray, Mosaic, read_dng, write_dng
 from ...shared.dng import read_preview
 from ...shared.series import frame_name
 from ...shared.writing import write_durably

@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...shared.arrays import CodeArray
-from ...shared.errors import InputError
+from ...shared import CodeArray, InputError
 from ...shared.pattern import PANCHROMATIC
 from ...shared.writing import write_durably
 from ..batch.console import Console

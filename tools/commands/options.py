@@ -8,9 +8,8 @@ from pathlib import Path
 from secrets import token_hex
 from typing import Any, TypeVar
 
-from ...shared import Camera, CfaPattern
+from ...shared import Camera, CfaPattern, InputError
 from ...shared.calibration import BITS
-from ...shared.errors import InputError
 from ...shared.reading import MAX_PIXELS
 from ...shared.tiles import TILES
 from ..batch.journal import key

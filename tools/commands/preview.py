@@ -9,8 +9,7 @@ device/preview/contract.py describes its inputs and outputs.
 import argparse
 from pathlib import Path
 
-from ...shared import read_camera, read_dng
-from ...shared.errors import InputError
+from ...shared import InputError, read_camera, read_dng
 from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import DNGS, plan, search

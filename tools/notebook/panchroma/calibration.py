@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .pictures import checked_flag
-from .shared import Camera
-from .shared.errors import InputError
+from .shared import Camera, InputError
 from .shared.reading import MAX_PIXELS, File, file_name
 from .shared.writing import write_durably
 from .shots import Shot, Shots, named_shots, reader

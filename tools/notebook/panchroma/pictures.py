@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from .shared import CaptureMetadata, SensorCalibration
-from .shared.arrays import ByteArray, FloatArray, unmasked
-from .shared.errors import InputError
+from .shared import ByteArray, CaptureMetadata, FloatArray, InputError, SensorCalibration
+from .shared.arrays import unmasked
 from .shared.reading import File, file_name
 from .shared.writing import durable_file
 from .tools.io.colour import encode_srgb

@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from .pictures import Image, Picture, checked_flag
-from .shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_camera
-from .shared.arrays import FloatArray
+from .shared import CaptureMetadata, CfaPattern, FloatArray, InputError, Mosaic, SensorCalibration
+from .shared.camera import read_camera
 from .shared.dng import read_dng, write_dng
-from .shared.errors import InputError
 from .shared.figures import whole
 from .shared.reading import MAX_PIXELS, File, file_name, is_file
 from .tools.batch.burst_files import checked_reference, series

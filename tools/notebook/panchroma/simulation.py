@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .pictures import Picture
-from .shared import CfaPattern
+from .shared import CfaPattern, InputError
 from .shared.arrays import unmasked
-from .shared.errors import InputError
 from .shared.pattern import PANCHROMATIC
 from .shared.reading import MAX_PIXELS, File, file_name, is_file
 from .shots import Shot, with_notes_shown
