@@ -111,9 +111,10 @@ class Search:
             for path, why in aside.items():
                 files_left_out.setdefault(why, []).append(below(path))
         self.sources.extend(fitting)
-        self.failures.extend(
-            (str(error.filename), f"cannot be read ({error.strerror or error})") for error in errors
-        )
+        for error in errors:
+            self.failures.append(
+                (str(error.filename), f"cannot be read ({error.strerror or error})")
+            )
         if not fitting and not errors:
             kind = " or ".join(endings) if len(endings) < 3 else "fitting"
             self.failures.append((top, f"no {kind} file is in this folder or below it"))

@@ -8,7 +8,7 @@ from collections.abc import Callable, Container, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from ...shared.errors import ForeignFileError, InputError, OutputError, PanchromaError
 from ...shared.writing import reason as why_not_written
@@ -72,11 +72,7 @@ class Job:
 
 
 State = Literal["made", "planned", "current", "foreign", "failed", "nothing"]
-_WORDS: dict[State, str] = {
-    "planned": "to be made",
-    "current": "up to date",
-    "foreign": "left alone",
-}
+_WORDS = {"planned": "to be made", "current": "up to date", "foreign": "left alone"}
 
 
 @dataclass(frozen=True)
@@ -221,8 +217,7 @@ def do_jobs(results: Results[Job, Outcome], console: Console) -> Counter[State]:
 
 def counted(states: Counter[State]) -> str:
     """The states of jobs in words, for example "3 made, 1 failed"."""
-    order: tuple[State, ...] = ("made", *_WORDS, "failed")  # "nothing" has been said
-    found = [state for state in order if states[state]]
+    found = [state for state in get_args(State)[:-1] if states[state]]  # "nothing" has been said
     return ", ".join(f"{states[state]} {_WORDS.get(state, state)}" for state in found)
 
 
@@ -263,9 +258,7 @@ def fail(job: Job, message: str, console: Console, cause: Exception | None = Non
     console.record(source=job.source, ok=False, error=message)
 
 
-def write_report(
-    path: Path, make: Callable[[], bytes], console: Console, *, overwrite: bool
-) -> bool:
+def write_report(path: Path, make: Callable[[], bytes], console: Console, overwrite: bool) -> bool:
     """Make and write a text about results, which stay if that fails; True if it is there."""
     try:
         write_durably(path, console.spell(make().decode()).encode(), overwrite=overwrite)

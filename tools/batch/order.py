@@ -4,7 +4,7 @@ whichever process on whichever machine gets it.
 
 import os
 import time
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, replace
@@ -25,16 +25,7 @@ from .checks import check_light, check_memory
 from .chosen_white import AS_SHOT, WhiteBalance
 from .compilation import announced_compilation, compile_ahead
 from .console import Console
-from .jobs import (
-    Job,
-    Outcome,
-    State,
-    file_status,
-    identity,
-    planned,
-    refuse_existing,
-    run_jobs,
-)
+from .jobs import Job, Outcome, State, file_status, identity, planned, refuse_existing, run_jobs
 from .journal import Entry, Journal, digest, key, output_lock
 from .progress import Note, StageProgress
 
@@ -152,10 +143,12 @@ class Run:
 class FileRun(Run):
     """A run whose files are written one by one, see `kept`.
 
-    made_by: digest of all settings that change them.
+    made_by: digest of all settings that change them. outputs: of all jobs of the run, of which some
+    may not have been made yet.
     """
 
     made_by: str
+    outputs: frozenset[Path] = frozenset()
 
     def key(self, output: Path, source_digest: str) -> str:
         """Digest of everything that a file depends on."""
@@ -259,9 +252,11 @@ class Order(Run):
         return key(algorithm=ALGORITHM, settings=asdict(self.settings), **fields)
 
 
-def attempt(
-    order: Order, memory: int, processes: int, job: Job, listener: StageProgress
-) -> Outcome:
+Noted = Order | FileRun
+"""A run that notes its results in the journal."""
+
+
+def attempt(order: Order, memory: int, workers: int, job: Job, listener: StageProgress) -> Outcome:
     """Make a picture, or find that it is there already.
 
     Raises InputError, ForeignFileError, OutputError: there can be no picture.
@@ -272,7 +267,7 @@ def attempt(
         Settings of the run.
     memory
         Bytes that may be used.
-    processes
+    workers
         Number of processes that may be started to compile the renderer; 1 in a process that was
         started itself.
     job
@@ -288,7 +283,7 @@ def attempt(
         read()  # says what is wrong with it, before a folder is made for its picture
     with _in_turn(order, job):
         if not order.dry_run:
-            return _make(order, memory, processes, job, listener)
+            return _make(order, memory, workers, job, listener)
         if _is_unchanged(order, job) or _existing(order, job, output, _digest(job)).current:
             return _up_to_date(output, "current", dry_run=True)
         return planned(job, read().errors)
@@ -312,7 +307,7 @@ def _in_turn(run: Run, job: Job) -> Iterator[None]:
         raise OutputError(f"{job.output}: cannot be written ({error.strerror or error})") from error
 
 
-def _make(order: Order, memory: int, processes: int, job: Job, listener: StageProgress) -> Outcome:
+def _make(order: Order, memory: int, workers: int, job: Job, listener: StageProgress) -> Outcome:
     """Make the picture, while this process holds the lock on the output."""
     start, output, kind = time.monotonic(), job.output, order.kind
     if _is_unchanged(order, job):
@@ -331,7 +326,7 @@ def _make(order: Order, memory: int, processes: int, job: Job, listener: StagePr
             raise InputError(f"{job.source}: has changed while it was read; {remedy}")
         check_memory(subject.mosaic, kind, order.settings, memory, subject.count)
         # now that only the writing can fail
-        compile_ahead(processes, listener)
+        compile_ahead(workers, listener)
         for remark in _assumptions(subject.mosaic, kind.has_white_balance):
             listener.note(f"{job.source}: {remark}")
         subject.prepare(listener)
@@ -345,14 +340,9 @@ def _make(order: Order, memory: int, processes: int, job: Job, listener: StagePr
         with ThreadPoolExecutor(1) as pool:
             made = order, job, output, source_digest
             bands = _whitened(subject.bands(listener), subject.lost, development, listener)
-            write_picture(
-                output,
-                bands,
-                development,
-                overwrite=existing.replace,
-                on_complete=lambda partial: pool.submit(_note_in_journal, *made, partial).result,
-                threads=threads(),
-            )
+            settings: dict[str, Any] = {"overwrite": existing.replace, "threads": threads()}
+            settings["on_complete"] = lambda path: pool.submit(_note_in_journal, *made, path).result
+            write_picture(output, bands, development, **settings)
         _note_stamp(order, output, f"{stamp} {_stamp([output])}")
     from ...offline import network_name
 
@@ -392,31 +382,24 @@ def _whitened(
     listener.stage("writing", 1)
 
 
-def run_kept(
-    run: FileRun, jobs: Sequence[Job], work: Writing, console: Console, **settings: Any
-) -> int:
+def do_kept(run: FileRun, jobs: list[Job], work: Writing, console: Console, **settings: Any) -> int:
     """Do jobs as `run_jobs` does, each as `kept` says; returns the exit code.
 
     settings: of `run_jobs`.
     """
-    expected = {output for job in jobs for output in job.outputs}
-    do = partial(kept, run, work, expected)
+    outputs = frozenset(output for job in jobs for output in job.outputs)
+    do = partial(kept, replace(run, outputs=outputs), work)
     return run_jobs(jobs, do, console, overwrite=run.may_replace, **settings)
 
 
-def kept(
-    run: FileRun, work: Writing, expected: Container[Path], job: Job, listener: StageProgress
-) -> Outcome:
-    """Do a job, unless its files are all up to date; what is written is noted in the journal.
-
-    expected: outputs of all jobs of the run, of which some may not have been made yet.
-    """
+def kept(run: FileRun, work: Writing, job: Job, listener: StageProgress) -> Outcome:
+    """Do a job, unless its files are all up to date; what is written is noted in the journal."""
     with _in_turn(run, job):
         source = _digest(job) or key(drawn=job.source)
         found = {output: _existing(run, job, output, source) for output in job.outputs}
         if all(each.current for each in found.values()):
             return _up_to_date(job.output, "current")
-        left_over = [path for path in _made_with(run, job) if path not in expected]
+        left_over = [path for path in _made_with(run, job) if path not in run.outputs]
 
         def keep(output: Path) -> dict[str, Any]:
             if found[output].changed:
@@ -442,12 +425,10 @@ def _made_with(run: FileRun, job: Job) -> Iterable[Path]:
     return dict.fromkeys(run.folder / entry.output for entry in entries)
 
 
-def _note_in_journal(
-    order: Order | FileRun, job: Job, output: Path, source_digest: str, partial: Path
-) -> None:
-    made = order.name(output), digest(partial) or "", order.key(output, source_digest)
-    source = os.path.abspath(job.source)  # noqa: PTH100 (without following links)
-    order.journal.append(Entry(*made, order.run, source, source_digest))
+def _note_in_journal(order: Noted, job: Job, output: Path, source: str, whole: Path) -> None:
+    made = order.name(output), digest(whole) or "", order.key(output, source)
+    path = os.path.abspath(job.source)  # noqa: PTH100 (without following links)
+    order.journal.append(Entry(*made, order.run, path, source))
 
 
 def _note_stamp(order: Order, output: Path, stamp: str) -> None:
@@ -480,9 +461,7 @@ class _Existing(NamedTuple):
     changed: bool = False
 
 
-def _existing(
-    order: Order | FileRun, job: Job, output: Path, source_digest: str | None
-) -> _Existing:
+def _existing(order: Noted, job: Job, output: Path, source: str | None) -> _Existing:
     """Look up what exists under the name of the output. Raises OutputError for a file that must
     stay.
     """
@@ -497,8 +476,8 @@ def _existing(
             refuse_existing([output])
         return _Existing(replace=True)
     current = digest(output)
-    up_to_date = current, order.key(output, source_digest or "")
-    if last and source_digest and (last.digest, last.key) == up_to_date:
+    up_to_date = current, order.key(output, source or "")
+    if last and source and (last.digest, last.key) == up_to_date:
         return _Existing("made" if of_this_run else "current", True)
     if order.overwrite:
         return _Existing(replace=True)

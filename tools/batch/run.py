@@ -3,7 +3,6 @@
 import heapq
 import random
 from collections import Counter
-from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import lru_cache, partial
 
@@ -24,7 +23,7 @@ _MEASURED_SHOTS = 3  # files that are read to learn how much memory the largest 
 
 
 def render_all(
-    order: Order, shots: Sequence[Job], console: Console, *, jobs: int | None, memory: int | None
+    order: Order, shots: list[Job], console: Console, *, jobs: int | None, memory: int | None
 ) -> Counter[State]:
     """Render all shots, with a line and a record for each.
 
@@ -70,9 +69,7 @@ def render_all(
         return do_jobs(follow(results, shots, progress), console)
 
 
-def _processes(
-    order: Order, shots: Sequence[Job], jobs: int | None, memory: int, note: Note
-) -> int:
+def _processes(order: Order, shots: list[Job], jobs: int | None, memory: int, note: Note) -> int:
     """Choose the number of processes, see `render_all`."""
     count = processors()
     usual = count if len(shots) >= _MANY * count else 1
@@ -85,7 +82,7 @@ def _processes(
     return possible_processes(min(most, fitting), note)
 
 
-def _largest_need(order: Order, shots: Sequence[Job]) -> int:
+def _largest_need(order: Order, shots: list[Job]) -> int:
     """Bytes that the largest shot needs, roughly. The largest files are read: they have the most
     pixels, or nearly.
     """

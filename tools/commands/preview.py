@@ -15,7 +15,7 @@ from ..batch.console import Console
 from ..batch.folders import DNGS, plan, search
 from ..batch.jobs import FAILED, Job, Outcome, output_folder, planned, refuse_existing
 from ..batch.journal import digest
-from ..batch.order import Keep, run_kept
+from ..batch.order import Keep, do_kept
 from ..batch.previews import Previews
 from ..batch.progress import StageProgress
 from ..io.formats.jpg import check_quality, encode_jpeg
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     files = search(arguments.shots, DNGS, output=folder)
     searched = files.report(console)
     jobs = plan(files.sources, lambda name: [f"{Path(name).stem}.jpg"], folder, dry_run=run.dry_run)
-    code = run_kept(run, jobs, work, console, threads=arguments.jobs)
+    code = do_kept(run, jobs, work, console, threads=arguments.jobs)
     return code if searched else FAILED
 
 

@@ -33,7 +33,7 @@ from ..batch.console import Console
 from ..batch.folders import plan, search
 from ..batch.jobs import FAILED, Job, Outcome, output_folder, planned
 from ..batch.journal import digest
-from ..batch.order import Keep, run_kept
+from ..batch.order import Keep, do_kept
 from ..batch.previews import Previews
 from ..batch.progress import StageProgress
 from ..io.development import Development
@@ -158,7 +158,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     searched = scenes.report(console)
     notes: list[tuple[str, tuple[str, ...]]] = []
     jobs = plan(scenes.sources, names, folder, dry_run=run.dry_run)
-    code = run_kept(run, jobs, work, console, show=console.progress, threads=arguments.jobs)
+    code = do_kept(run, jobs, work, console, show=console.progress, threads=arguments.jobs)
     console.notes(notes)
     return code if searched else FAILED
 

@@ -330,7 +330,7 @@ def test_two_that_make_files_share_a_folder(out: Path) -> None:
     def made(name: str) -> str:
         run = FileRun(folder=out, run=name, made_by="", resume=True)
         job = Job("builtin:24x18", (out / "sub" / "a.dng",))
-        return attempt.kept(run, work, job.outputs, job, StageProgress()).state
+        return attempt.kept(run, work, job, StageProgress()).state
 
     with ThreadPoolExecutor(2) as pool:
         assert set(pool.map(made, "12")) == {"planned", "current"}
