@@ -12,10 +12,10 @@ from ...shared import FloatArray, InputError, Mosaic, PanchromaError
 from ...shared.errors import ForeignFileError
 from ...shared.progress import Progress
 from ...shared.series import frame_number
-from .checks import check_memory
 from .chosen_white import WhiteBalance
 from .folders import Source
 from .jobs import Job
+from .memory import check_memory
 from .order import Order, Subject
 from .progress import Note
 

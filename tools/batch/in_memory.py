@@ -12,12 +12,11 @@ from ...shared.processors import processors
 from ..io.display import joined
 from ..io.kind import PictureKind
 from .burst_files import BurstOrder, BurstSubject
-from .checks import check_light, check_memory
 from .compilation import announced_compilation, compile_ahead
 from .console import LOG, one_line
 from .jobs import Job
-from .memory import allowed_memory
-from .order import settings_named
+from .memory import allowed_memory, check_memory
+from .order import check_light, settings_named
 from .progress import REMARKS, StageProgress
 
 if TYPE_CHECKING:

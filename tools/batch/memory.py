@@ -1,4 +1,4 @@
-"""Free memory, and the part of it that a command may use."""
+"""Free memory, the part of it that a command may use, and what a render needs."""
 
 import os
 import re
@@ -6,14 +6,25 @@ import resource
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ...shared.errors import InputError
+from ...shared import InputError, Mosaic
 from ...shared.processors import control_groups, number_in
+from ..io.kind import PictureKind
+
+if TYPE_CHECKING:
+    from ...offline import RenderSettings
 
 _POWERS = " KMGT"
 _SHARE = 0.8  # of the free memory, without --max-memory
 # Limit of a process -> what /proc/self/status calls the memory that counts.
 _LIMITS = {resource.RLIMIT_AS: "VmSize", resource.RLIMIT_DATA: "VmData"}
+
+# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_memory.py` measures
+# again). with its libraries and kernels, the oldest that are allowed: the newest take 80 MB less
+_PROGRAM = 290 * 2**20
+_THREAD = 20 * 2**20  # of each thread: its own heap
+_MOSAIC = 2.0  # per pixel: sensor codes
 
 
 def allowed_memory(limit: int | str | None) -> int:
@@ -91,3 +102,39 @@ def format_bytes(size: int) -> str:
     """A number of bytes for people, rounded up: "350 MB", "1.6 GB"; powers of 1024."""
     megabytes = -(-size // 2**20)
     return f"{megabytes} MB" if megabytes < 1000 else f"{-(-size * 10 // 2**30) / 10:.1f} GB"
+
+
+def needed_memory(
+    mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", frames: int = 1
+) -> int:
+    """Bytes that the whole program needs to render a mosaic to such a file; rather more than it
+    will use.
+
+    frames: of a burst, all like this mosaic.
+    """
+    from ...offline import rendering_memory, threads
+
+    rendering = rendering_memory(mosaic, settings)
+    if frames > 1:
+        from ...offline.burst import burst_memory
+
+        rendering = burst_memory(frames, mosaic, settings)
+    channels, pixels = len(mosaic.pattern.channels), mosaic.shape[0] * mosaic.shape[1]
+    picture = kind.kept_as.memory(mosaic.shape, channels, rendering, threads())
+    return round(_PROGRAM + _THREAD * threads() + _MOSAIC * frames * pixels + picture)
+
+
+def check_memory(
+    mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", limit: int, frames: int = 1
+) -> None:
+    """Raise InputError when rendering a mosaic, or a burst of such `frames`, to such a file needs
+    more than `limit` bytes.
+    """
+    need = needed_memory(mosaic, kind, settings, frames)
+    if need <= limit:
+        return
+    (rows, columns), burst = mosaic.shape, f"{frames} frames of " if frames > 1 else ""
+    enough = format_bytes(need).replace(" ", "").removesuffix("B")
+    memory = f"{format_bytes(need)} of memory, {format_bytes(limit)} are allowed"
+    needs = f"{burst}{columns} x {rows} pixels as {kind.format} need {memory}"
+    raise InputError(f'{needs}; set `max_memory="{enough}"` if the machine has as much')

@@ -13,7 +13,8 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from ...shared import ByteArray, Camera, FloatArray, Mosaic, read_dng
+from ...shared import ByteArray, Camera, CodeArray, FloatArray, Mosaic, read_dng
+from ...shared.arrays import strips
 from ...shared.errors import InputError, OutputError, PanchromaError
 from ...shared.processors import threads
 from ...shared.progress import Progress
@@ -21,12 +22,12 @@ from ...shared.reading import MAX_PIXELS
 from ..io.backup import keep_old
 from ..io.development import Development
 from ..io.kind import PictureKind, write_picture
-from .checks import check_light, check_memory
 from .chosen_white import AS_SHOT, WhiteBalance
 from .compilation import announced_compilation, compile_ahead
 from .console import Console
 from .jobs import Job, Outcome, State, file_status, identity, planned, refuse_existing, run_jobs
 from .journal import Entry, Journal, digest, key, output_lock
+from .memory import check_memory
 from .progress import Note, StageProgress
 
 if TYPE_CHECKING:
@@ -98,6 +99,34 @@ def settings_named(preset: object) -> "RenderSettings":
         expected = f"one of {', '.join(PRESETS)}, or offline.RenderSettings"
         raise InputError(f"`preset` is {preset!r}, expected {expected}")
     return PRESETS[str(preset)]
+
+
+def check_light(mosaic: Mosaic, settings: "RenderSettings") -> None:
+    """Raise InputError for a frame that holds no picture for these settings: all black, or all
+    saturated.
+
+    Settings that restore luminance from the colour samples accept a frame until these are saturated
+    as well.
+    """
+    codes, calibration, restored = mosaic.codes, mosaic.calibration, settings.highlights.restored
+
+    def panchromatic() -> Iterator[CodeArray]:
+        """Yield the panchromatic samples, a few rows at a time: of a picture the first ones say
+        enough.
+        """
+        for rows in strips(len(codes)):
+            shape = codes[rows].shape[0], codes.shape[1]
+            yield codes[rows][mosaic.pattern.panchromatic_mask(shape, (rows.start, 0))]
+
+    if not any(samples.size for samples in panchromatic()):
+        return
+    if not any((samples > calibration.black_level[-1]).any() for samples in panchromatic()):
+        reason = "nothing was exposed, or the calibration's black level is too high"
+        raise InputError(f"no sample is above the black level: {reason}")
+    counted = (codes[rows] for rows in strips(len(codes))) if restored else panchromatic()
+    if not any((samples < calibration.white_level).any() for samples in counted):
+        which = "sample" if restored else "panchromatic sample"
+        raise InputError(f"every {which} is saturated: there is no picture in it; expose less")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,11 +9,10 @@ from functools import lru_cache, partial
 from ...shared.errors import PanchromaError
 from ...shared.processors import available_threads, processors
 from ...shared.writing import sweep
-from .checks import needed_memory
 from .compilation import compile_ahead
 from .console import Console
 from .jobs import Job, State, do_jobs, file_status
-from .memory import allowed_memory
+from .memory import allowed_memory, needed_memory
 from .order import Order, attempt
 from .parallel import follow, in_processes, one_by_one, possible_processes
 from .progress import REMARKS, Note, StageProgress

@@ -13,9 +13,13 @@ from panchroma import offline
 from panchroma.offline import BEST, PAPER, PRESETS
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared import processors as counted
-from panchroma.tools.batch import checks
 from panchroma.tools.batch import compilation as product
-from panchroma.tools.batch.memory import available_memory, format_bytes, parse_bytes
+from panchroma.tools.batch.memory import (
+    available_memory,
+    format_bytes,
+    needed_memory,
+    parse_bytes,
+)
 from panchroma.tools.batch.progress import StageProgress
 from panchroma.tools.io.formats import FORMATS
 from panchroma.tools.io.kind import PictureKind
@@ -130,7 +134,7 @@ def test_no_more_memory_is_taken_than_was_foreseen(
     options = f"-f {name} --bits {bits} --preset {preset}".split()
     printed = run_python(script, "render", shot, "-o", out, *options)
     peak = int(printed.splitlines()[-1]) * 1024
-    foreseen = checks.needed_memory(mosaic(LARGE), PictureKind.of(name, int(bits)), PRESETS[preset])
+    foreseen = needed_memory(mosaic(LARGE), PictureKind.of(name, int(bits)), PRESETS[preset])
     assert foreseen / 2 < peak < foreseen
 
 
@@ -138,7 +142,7 @@ def test_100_megapixels_are_foreseen_to_fit_3_gigabytes(monkeypatch: pytest.Monk
     """What a rendering of that size took when it was measured, with a photograph: 2.5 GB."""
     frame = mosaic((60, 90))
     monkeypatch.setattr(Mosaic, "shape", (8166, 12246))
-    assert 2.5e9 < checks.needed_memory(frame, PictureKind.of("tif"), BEST) < 3e9
+    assert 2.5e9 < needed_memory(frame, PictureKind.of("tif"), BEST) < 3e9
 
 
 # --- what does not fit ---------------------------------------------------------------------------
@@ -150,7 +154,7 @@ def test_what_does_not_fit_is_refused_with_what_would_be_enough(
 ) -> None:
     frame = mosaic((600, 450))
     shot = save_mosaic(tmp_path / "shot.dng", frame)
-    need = checks.needed_memory(frame, PictureKind.of(name), PAPER)
+    need = needed_memory(frame, PictureKind.of(name), PAPER)
     options = f"-f {name} --preset paper --max-memory"
     outcome = run("render", shot, "-o", out, f"{options} {need - 1}")
     enough = format_bytes(need).replace(" ", "").removesuffix("B")

@@ -16,10 +16,10 @@ import pytest
 
 from panchroma.offline import PAPER
 from panchroma.shared import InputError, PanchromaError, read_dng
-from panchroma.tools.batch.checks import needed_memory
 from panchroma.tools.batch.compilation import compile_all
 from panchroma.tools.batch.console import Console, fault
 from panchroma.tools.batch.journal import NAME
+from panchroma.tools.batch.memory import needed_memory
 from panchroma.tools.batch.parallel import duration, follow, in_processes, one_by_one
 from panchroma.tools.batch.progress import Note, StageProgress
 from panchroma.tools.io.kind import PictureKind
