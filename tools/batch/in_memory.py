@@ -79,8 +79,7 @@ def merged_picture(
     names: of the frames. read: returns a frame by its name; None = that in the file. settings: of
     the `BurstOrder` that are not usual.
     """
-    usual: dict[str, Any] = {"preset": "best", "exposure": 0.0, "camera": None, "run": ""}
-    order = BurstOrder(folder=Path(), kind=_AS_ARRAY, **usual | settings)
+    order = BurstOrder(folder=Path(), kind=_AS_ARRAY, **settings)
     job, memory = Job(names[0], frames=tuple(names)), allowed_memory(max_memory)
     with announced_compilation(progress):
         subject = order.open(job, memory, progress.note, read)

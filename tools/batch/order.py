@@ -7,10 +7,11 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 from operator import attrgetter
 from pathlib import Path
+from secrets import token_hex
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from ...shared import ByteArray, Camera, CodeArray, FloatArray, Mosaic, read_dng
@@ -148,7 +149,7 @@ class Run:
     """
 
     folder: Path
-    run: str
+    run: str = field(default_factory=partial(token_hex, 8))
     resume: bool = False
     overwrite: bool = False
     dry_run: bool = False
@@ -211,9 +212,9 @@ class Order(Run):
     )
 
     kind: PictureKind
-    preset: "str | RenderSettings"
-    exposure: float
-    camera: Camera | None
+    preset: "str | RenderSettings" = "best"
+    exposure: float = 0.0
+    camera: Camera | None = None
     white: WhiteBalance = AS_SHOT
     max_pixels: int = MAX_PIXELS
 

@@ -17,8 +17,7 @@ from ..batch.console import Console
 from ..batch.folders import DNGS, search
 from ..batch.jobs import FAILED, Job, exit_code, possible_jobs
 from ..batch.run import render_all
-from .options import add, numbers
-from .picture_options import add_picture, add_run, order_fields
+from .options import add, add_picture, add_run, numbers, order_fields
 
 USAGE = "SHOT ... -o DIR"
 EXAMPLE = "panchroma burst shots/20261127T101500.000Z-000001-*.dng -o pictures"

@@ -1,20 +1,25 @@
-"""The options that several commands share, and the kinds of values that options take."""
+"""The options that several commands share, the kinds of values that options take, and what the
+options of a run or of its pictures describe.
+"""
 
 import argparse
 import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from secrets import token_hex
 from typing import Any, TypeVar
 
-from ...shared import Camera, CfaPattern, InputError
+from ...shared import Camera, CfaPattern, InputError, read_camera
 from ...shared.calibration import BITS
 from ...shared.reading import MAX_PIXELS
 from ...shared.tiles import TILES
+from ..batch.chosen_white import WhiteBalance
+from ..batch.jobs import output_folder
 from ..batch.journal import key
 from ..batch.memory import parse_bytes
 from ..batch.order import FileRun
+from ..io.formats import FORMATS, OTHER_NAMES
+from ..io.kind import PictureKind
 from ..io.versions import program_version
 from ..simulation.pattern_text import camera_and_pattern
 
@@ -85,8 +90,8 @@ def text(argument: str) -> str:
     return os.fsencode(argument).decode("utf-8", "replace")
 
 
-_OF_A_RUN = {"output", "resume", "overwrite", "dry_run", "jobs", "json", "quiet", "verbose"}
-_OF_A_RUN |= {"scenes", "shots", "export"}
+_CHOSEN = "resume", "overwrite", "dry_run"
+_OF_A_RUN = {"output", *_CHOSEN, "jobs", "json", "quiet", "verbose", "scenes", "shots", "export"}
 Option = tuple[list[str], dict[str, Any]]
 """Names of an option, and the settings of `add_argument`."""
 
@@ -168,8 +173,8 @@ def file_run(arguments: argparse.Namespace, folder: Path, **read: object) -> Fil
     """The run that the options describe. read: what is in the files that they name."""
     of_files = {name: value for name, value in vars(arguments).items() if name not in _OF_A_RUN}
     made_by = key(program=program_version(), **of_files | read)
-    chosen = {name: getattr(arguments, name) for name in ("resume", "overwrite", "dry_run")}
-    return FileRun(folder=folder, run=token_hex(8), made_by=made_by, **chosen)
+    chosen = {name: getattr(arguments, name) for name in _CHOSEN}
+    return FileRun(folder=folder, made_by=made_by, **chosen)
 
 
 def pixel_limit() -> int:
@@ -193,3 +198,69 @@ def camera_of(
     """
     filters = arguments.pattern, arguments.channels, arguments.origin
     return camera_and_pattern(arguments.camera, *filters, stated)
+
+
+def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
+    """Add the options of a picture, from --format to --preset, the first of which is the
+    default.
+    """
+    kinds = FORMATS.values()
+    words = [", ".join(FORMATS)]
+    words += [f"{alias} is {name}" for alias, name in OTHER_NAMES.items()]
+    words += [f"{kind.name}: {kind.about}" for kind in kinds if kind.about]
+    group = parser.add_argument_group("the picture")
+    chosen: dict[str, Any] = {"choices": tuple(FORMATS), "default": "tif", "type": _format}
+    formats = f"{'; '.join(words)} (default: tif)"
+    group.add_argument("-f", "--format", metavar="FORMAT", **chosen, help=formats)
+    bits = "bits per sample (default: the usual ones of the format)"
+    group.add_argument("--bits", type=int, choices=(8, 16, 32), help=bits)
+    lossy = ", ".join(kind.name for kind in kinds if kind.has_quality)
+    quality = f"for {lossy}: 1 (small) to 100 (default: 95; of jxl 100, without loss)"
+    add(group, "quality", help=quality)
+    spaces = tuple(dict.fromkeys(space for kind in kinds for space in kind.spaces))
+    space = "colour space; camera: scene units (default: the usual one of the format)"
+    group.add_argument("--space", choices=spaces, help=space)
+    darker = "negative ones darken it, and what is clipped stays white"
+    exposure = f"brighten the picture by this many stops; {darker} (default: 0)"
+    group.add_argument("--exposure", metavar="STOPS", type=factor, default=0.0, help=exposure)
+    known = "camera (as shot, the default), auto (estimated from the picture)"
+    grey = "the 9 x 9 pixels around it are grey; of a burst in --reference, or the first shot"
+    balance = f"white balance: {known}, X,Y ({grey}), or multipliers such as 2.1,1,1.6"
+    group.add_argument("--wb", metavar="BALANCE", type=_balance, default="camera", help=balance)
+    add(group, "recalibrate")
+    published = "; paper: the published method, literally" if "paper" in presets else ""
+    unlearned = "without the networks that correct luminance and colour"
+    preset = f"best (the default); unlearned: {unlearned}{published}"
+    group.add_argument("--preset", choices=presets, default=presets[0], help=preset)
+
+
+def _balance(text: str) -> str | tuple[float, ...]:
+    return numbers()(text) if "," in text else text
+
+
+def _format(name: str) -> str:
+    """The key of a format, however a user writes it: PNG, .png, tiff."""
+    key = name.casefold().removeprefix(".")
+    return OTHER_NAMES.get(key, key)
+
+
+def add_run(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """Add the options of a run, and return their group."""
+    group = parser.add_argument_group("the run")
+    add(group, "resume", "overwrite", "dry-run", "max-memory")
+    return group
+
+
+def order_fields(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The fields of an `Order` that these options set; creates the output folder.
+
+    Raises InputError: and OutputError.
+    """
+    kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality)
+    kind.check_exposure(arguments.exposure)
+    white = WhiteBalance.parse(arguments.wb)
+    white.check(kind)
+    fields = {name: getattr(arguments, name) for name in ("preset", "exposure", *_CHOSEN)}
+    fields |= {"kind": kind, "white": white, "max_pixels": pixel_limit()}
+    fields["camera"] = read_camera(arguments.camera) if arguments.camera else None
+    return fields | {"folder": output_folder(arguments.output, dry_run=arguments.dry_run)}

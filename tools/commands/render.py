@@ -15,8 +15,7 @@ from ..batch.folders import DNGS, plan, search
 from ..batch.jobs import FAILED, counted, exit_code, possible_jobs
 from ..batch.order import Order
 from ..batch.run import render_all
-from .options import add, add_shots
-from .picture_options import add_picture, add_run, order_fields
+from .options import add, add_picture, add_run, add_shots, order_fields
 
 USAGE = "SHOT ... -o DIR"
 EXAMPLE = "panchroma render shots -o pictures -f jpg --exposure 0.5"
