@@ -1,7 +1,6 @@
 """The command line: a table of verbs, and the exit code of every error that ends a command."""
 
 import argparse
-import importlib
 import io
 import logging
 import os
@@ -11,9 +10,9 @@ import sys
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from functools import partial
+from importlib import import_module
 from itertools import takewhile
 from pathlib import Path
-from types import ModuleType
 from typing import Any, NoReturn
 
 from .batch.console import Console, StandardOutputError, fault, one_line, shown_by, to_stdout
@@ -40,6 +39,7 @@ VERBS = {
     "doctor": "check the installation, and say how to repair it",
     "completion": "print the script that lets a shell complete commands",
 }
+_COMMANDS = "panchroma.tools.commands."
 FAILED, USAGE = 1, 2
 _ENVIRONMENT = """
 environment variables:
@@ -102,7 +102,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                 with shown_by(console.note, level):
                     if console.verbose:
                         console.note(versions())
-                    code = _module(verb).run(parsed, console)
+                    code = import_module(_COMMANDS + verb).run(parsed, console)
             finally:
                 if code:
                     from .batch import jobs  # not at the top: it imports NumPy
@@ -146,7 +146,7 @@ def build_parser(
             own = child
             if store:
                 own.register("action", None, store)
-            module = _module(name)
+            module = import_module(_COMMANDS + name)
             child.description = module.__doc__
             child.usage = " ".join(f"panchroma {name} {module.USAGE} [options]".split())
             child.epilog = f"example:\n  {module.EXAMPLE}\n{_ENVIRONMENT}"
@@ -192,10 +192,6 @@ def _likeliest(name: str, known: Iterable[str]) -> str:
     begun = [word for word in plain if word.startswith(name)]
     likely = (begun or get_close_matches(name, plain, 1))[:1]
     return f"; did you mean {plain[likely[0]]}?" if likely else ""
-
-
-def _module(verb: str) -> ModuleType:
-    return importlib.import_module(f"panchroma.tools.commands.{verb}")
 
 
 def _open_streams() -> None:

@@ -32,10 +32,8 @@ from ..simulation.protocols import chosen_protocol
 from .options import TILE_NAMES, add, count, names, numbers
 
 USAGE = "SCENE ... -o DIR"
-EXAMPLE = (
-    "panchroma evaluate photographs -o results --sigma 0,0.01 --methods best,paper,dlmmse "
-    "--crop 600"
-)
+_COMPARED = "--sigma 0,0.01 --methods best,paper,dlmmse --crop 600"
+EXAMPLE = f"panchroma evaluate photographs -o results {_COMPARED}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -98,12 +96,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         lambda: encode_csv(figures),
         lambda: plots_svg(figures),
     )
-    replace = arguments.overwrite or arguments.resume
-    written = [
-        str(path)
-        for path, make in zip(outputs, contents, strict=True)
-        if write_report(path, make, console, overwrite=replace)
-    ]
+    replace, made = arguments.overwrite or arguments.resume, zip(outputs, contents, strict=True)
+    written = [str(path) for path, make in made if write_report(path, make, console, replace)]
     console.say(*plain_text(figures).split("\n"))
     console.say(", ".join(written))
     for scene in study.scenes:

@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 
 def value(
-    convert: Callable[[str], T], expected: str, fits: Callable[[T], bool] = lambda _: True
+    convert: Callable[[str], T], expected: str, fits: Callable[[T], object] = lambda _: True
 ) -> Callable[[str], T]:
     """Return the type of an option: `convert` of its text, or a usage error with what was expected.
 
@@ -44,18 +44,16 @@ def value(
     return typed
 
 
-def numbers(
-    number: int | None = None, example: str = "1,-0.5"
-) -> Callable[[str], tuple[float, ...]]:
-    """Return the type of an option that takes numbers with commas between them, `number` of them or
-    any number.
+def numbers(number: int = 0, example: str = "1,-0.5") -> Callable[[str], tuple[float, ...]]:
+    """Return the type of an option that takes numbers with commas between them, `number` of them; 0
+    = any number.
     """
 
     def convert(text: str) -> tuple[float, ...]:
         return tuple(map(_fraction, text.split(",")))
 
     expected = f"{number or 'a list of'} numbers with commas between them, such as {example}"
-    return value(convert, expected, lambda result: number in (None, len(result)))
+    return value(convert, expected, lambda result: number in (0, len(result)))
 
 
 def _fraction(text: str) -> float:

@@ -13,7 +13,6 @@ import re
 import threading
 from contextlib import closing
 from functools import partial
-from typing import Any
 
 from ...device.capture.frame_queue import FrameQueue
 from ...device.capture.shots import ShotFolder
@@ -29,9 +28,7 @@ from .options import add, value
 
 _HOST, _PORT = "127.0.0.1", 8000
 _NAME = re.compile(r"[\w-]+(\.[\w-]+)*", re.ASCII)
-_host_name = value(
-    str.lower, "a name such as camera.example.org", lambda name: bool(_NAME.fullmatch(name))
-)
+_host = value(str.lower, "a name such as camera.example.org", _NAME.fullmatch)
 
 USAGE = "SOURCE"
 EXAMPLE = "panchroma view builtin:1200x800@10 -o shots"
@@ -60,9 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     interface = f"{serves} (default: {usual}, {reach})"
     parser.add_argument("--bind", metavar=address, type=_address, default=usual, help=interface)
     others = "beside its addresses and own names, or that of a proxy"
-    name = f"name of this machine that browsers may ask for, {others}; repeat it for more"
-    repeated: dict[str, Any] = {"action": "append", "default": [], "help": name}
-    parser.add_argument("--host", metavar="NAME", type=_host_name, **repeated)
+    own = f"name of this machine that browsers may ask for, {others}; repeat it for more"
+    parser.add_argument("--host", metavar="NAME", type=_host, action="append", default=[], help=own)
     add(parser, "scale", "latest")
 
 

@@ -320,17 +320,10 @@ def burst(
         index = whole("`reference`", reference)
         if not 0 <= index < len(names):
             raise InputError(f"`reference` is {reference}, expected 0 to {len(names) - 1}")
-    rgb, subject = merged_picture(
-        names,
-        StageProgress(note=note_once),
-        reader(held, max_pixels),
-        max_memory,
-        preset=settings,
-        white=white,
-        camera=read_camera(camera) if camera is not None else None,
-        reference=index,
-        shifts=places,
-    )
+    known = read_camera(camera) if camera is not None else None
+    order = {"preset": settings, "white": white, "camera": known, "reference": index}
+    progress, read = StageProgress(note=note_once), reader(held, max_pixels)
+    rgb, subject = merged_picture(names, progress, read, max_memory, **order, shifts=places)
     facts = subject.facts()
     shown = held.get(facts["reference"])
     return _picture(rgb, subject.mosaic, settings, shown, lost=subject.lost, facts=facts)
