@@ -12,7 +12,7 @@ from unicodedata import normalize
 
 from ...shared.writing import sweep
 from .console import Console
-from .jobs import Job, fail, identity
+from .jobs import FAILED, Job, fail, identity
 
 # Endings of the names of shots.
 DNGS = (".dng",)
@@ -72,15 +72,12 @@ class Search:
     left_out: list[str] = field(default_factory=list)
     others: list[str] = field(default_factory=list)
 
-    def report(self, console: Console) -> bool:
-        """Tell the user what was left out and what failed.
-
-        Returns whether nothing has failed.
-        """
+    def report(self, console: Console) -> int:
+        """Tell the user what was left out and what failed; returns the exit code."""
         console.note(*self.left_out)
         for folder, reason in self.failures:
             fail(Job(folder), reason, console)
-        return not self.failures
+        return FAILED if self.failures else 0
 
     def walk(self, top: str, endings: Collection[str], output: object, set_aside: SetAside) -> None:
         """Add what is in and below a folder.

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, suppress
-from itertools import chain, islice
 from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -129,23 +128,18 @@ def in_processes(
         pools[-1].join()
 
     def results() -> "Results[P, R]":
-        waiting = iter(items)
+        waiting = deque(items)
         running: dict[Future[tuple[Any, list[str]]], P] = {}
-        while True:
-            batch = deque(islice(waiting, _AHEAD - len(running)))
-            if not (batch or running):
-                return
+        while waiting or running:
             if not pools[-1].active:  # a process died before it had an item
                 unfinished = [future for future in running if not future.done()]
-                batch.extend(running.pop(future) for future in unfinished)
+                waiting.extendleft(running.pop(future) for future in unfinished)
                 stop()
                 start()
             with suppress(RuntimeError):  # the pool has failed meanwhile: see above
-                while batch:
-                    future = pools[-1].schedule(_call, (function, batch[0]))
-                    running[future] = batch.popleft()
-            if batch:
-                waiting = chain(batch, waiting)
+                while waiting and len(running) < _AHEAD:
+                    future = pools[-1].schedule(_call, (function, waiting[0]))
+                    running[future] = waiting.popleft()
             done, _ = wait(running, _POLL_POOL, FIRST_COMPLETED)
             raise_lost_signal()
             for future in done:
@@ -159,7 +153,7 @@ def in_processes(
                         killed = "its process was killed, most likely for want of memory"
                     result = InputError(f"{killed}; {remedy}")
                 except BrokenProcessPool:  # as above
-                    waiting = chain([item], waiting)
+                    waiting.appendleft(item)
                     continue
                 for text in notes:
                     note(text)

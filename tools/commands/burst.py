@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     fields = order_fields(arguments)
     folder, suffix = fields["folder"], fields["kind"].suffix
     files = search(arguments.shots, DNGS, output=folder)
-    if not files.report(console):
+    if files.report(console):
         return FAILED
     names = series(files.sources)
     if len(names) == 1:

@@ -26,7 +26,6 @@ from ..batch.console import Console
 from ..batch.in_memory import merged_picture, renderings
 from ..batch.jobs import Job, Outcome, output_folder, run_jobs
 from ..batch.previews import Previews
-from ..batch.progress import StageProgress
 from ..evaluation.metrics import MEDIAN, quality
 from ..evaluation.rivals.bilinear import demosaic_bilinear
 from ..io.development import Development
@@ -84,7 +83,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     results = [*_BURST_PICTURES.split(), *shots] if arguments.burst else _PICTURES.split()
     show = partial(_show_burst, shots) if arguments.burst else _show_shot
 
-    def work(job: Job, listener: StageProgress) -> Outcome:
+    def work(job: Job, _: object) -> Outcome:
         title = f"Median PSNR over all 10 x 10 patches, dB, at sigma {_NOISE.level:g}"
         lines = [title, f"{'':18}{'RGB':>8}{'luminance':>12}{'chrominance':>13}"]
         for name, (rgb, luminance, chrominance) in show(folder, console).items():

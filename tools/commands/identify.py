@@ -21,7 +21,6 @@ from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import Source, once, plan
 from ..batch.jobs import Job, Outcome, output_folder, run_jobs
-from ..batch.progress import StageProgress
 from ..capture.frame_source import STREAM, SourceOptions
 from ..capture.identity import UNKNOWN, facts_of
 from ..capture.layouts import first_frame, likely_reading
@@ -49,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Identify the pattern of each file; returns the exit code."""
 
-    def work(job: Job, listener: StageProgress) -> Outcome:
+    def work(job: Job, _: object) -> Outcome:
         options = options_of(arguments, LAYOUT, job.source)
         described = options != SourceOptions(job.source) or job.source == STREAM
         hint = "size, format or stride may be another" if described else ""

@@ -17,9 +17,8 @@ from ...shared.networks import network_for
 from ...shared.processors import processors
 from ..batch.console import Console
 from ..batch.folders import DNGS, search
-from ..batch.jobs import FAILED, Job, Outcome, do_jobs, exit_code, run_jobs
+from ..batch.jobs import Job, Outcome, do_jobs, exit_code, run_jobs
 from ..batch.parallel import follow, in_threads
-from ..batch.progress import StageProgress
 from .options import add, add_shots, pixel_limit
 
 _UNITS = {"exposure_time": " s", "focal_length": " mm", "altitude": " m"}
@@ -43,17 +42,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show or verify the files; returns the exit code."""
     files, limit = search(arguments.shots, DNGS), pixel_limit()
-    searched = files.report(console)
+    failed = files.report(console)
     jobs = [Job(source.name, from_folder=source.from_folder) for source in files.sources]
 
-    def work(job: Job, listener: StageProgress) -> Outcome:
+    def work(job: Job, _: object) -> Outcome:
         source = job.source
         facts, rows = _camera(source) if _is_camera(source) else _shot(source, limit)
         shown = (f"  {name:<14}{value}" for name, value in rows.items() if value)
         return Outcome(facts, (source, *shown))
 
-    code = _verify(jobs, limit, console) if arguments.verify else run_jobs(jobs, work, console)
-    return code if searched else FAILED
+    done = _verify(jobs, limit, console) if arguments.verify else run_jobs(jobs, work, console)
+    return done or failed
 
 
 def _is_camera(source: str) -> bool:
@@ -63,7 +62,7 @@ def _is_camera(source: str) -> bool:
 def _verify(jobs: Sequence[Job], max_pixels: int, console: Console) -> int:
     """Check each file against its own digest, and count those that fail; returns the exit code."""
 
-    def work(job: Job, listener: StageProgress) -> Outcome:
+    def work(job: Job, _: object) -> Outcome:
         if _is_camera(job.source):
             return Outcome({"calibration_id": read_camera(job.source).calibration.id})
         rows, columns = verify_dng(job.source, max_pixels=max_pixels)

@@ -13,7 +13,7 @@ from ...shared import InputError, read_camera, read_dng
 from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import DNGS, plan, search
-from ..batch.jobs import FAILED, Job, Outcome, output_folder, planned, refuse_existing
+from ..batch.jobs import Job, Outcome, output_folder, planned, refuse_existing
 from ..batch.journal import digest
 from ..batch.order import Keep, do_kept
 from ..batch.previews import Previews
@@ -68,10 +68,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return Outcome(facts, (f"{job.output}: {columns} x {rows}",))
 
     files = search(arguments.shots, DNGS, output=folder)
-    searched = files.report(console)
+    failed = files.report(console)
     jobs = plan(files.sources, lambda name: [f"{Path(name).stem}.jpg"], folder, dry_run=run.dry_run)
-    code = do_kept(run, jobs, work, console, threads=arguments.jobs)
-    return code if searched else FAILED
+    return do_kept(run, jobs, work, console, threads=arguments.jobs) or failed
 
 
 def _export(arguments: argparse.Namespace, console: Console) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..batch.console import Console
 from ..batch.folders import DNGS, plan, search
-from ..batch.jobs import FAILED, counted, exit_code, possible_jobs
+from ..batch.jobs import counted, exit_code, possible_jobs
 from ..batch.order import Order
 from ..batch.run import render_all
 from .options import add, add_picture, add_run, add_shots, order_fields
@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Render the shots; returns the exit code."""
     order = Order(**order_fields(arguments))
     files = search(arguments.shots, DNGS, output=order.folder)
-    searched = files.report(console)
+    failed = files.report(console)
 
     def names(source: str) -> list[str]:
         return [f"{Path(source).stem}{order.kind.suffix}"]
@@ -47,4 +47,4 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     states["failed"] += len(planned) - len(shots)
     if len(planned) > 1:
         console.note(counted(states))
-    return exit_code(states) if searched else FAILED
+    return exit_code(states) or failed

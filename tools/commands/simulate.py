@@ -31,7 +31,7 @@ from ...shared.series import frame_name
 from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import plan, search
-from ..batch.jobs import FAILED, Job, Outcome, output_folder, planned
+from ..batch.jobs import Job, Outcome, output_folder, planned
 from ..batch.journal import digest
 from ..batch.order import Keep, do_kept
 from ..batch.previews import Previews
@@ -155,12 +155,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return Outcome(facts, tuple(f"{shot}: {size}" for shot in shots))
 
     scenes = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn, set_aside=set_aside)
-    searched = scenes.report(console)
+    failed = scenes.report(console)
     notes: list[tuple[str, tuple[str, ...]]] = []
     jobs = plan(scenes.sources, names, folder, dry_run=run.dry_run)
     code = do_kept(run, jobs, work, console, show=console.progress, threads=arguments.jobs)
     console.notes(notes)
-    return code if searched else FAILED
+    return code or failed
 
 
 def _write_truth(exposed: Exposed, paths: Sequence[Path], keep: Keep) -> tuple[str, ...]:
