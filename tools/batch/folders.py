@@ -109,9 +109,8 @@ class Search:
                 files_left_out.setdefault(why, []).append(below(path))
         self.sources.extend(fitting)
         for error in errors:
-            self.failures.append(
-                (str(error.filename), f"cannot be read ({error.strerror or error})")
-            )
+            reason = f"cannot be read ({error.strerror or error})"
+            self.failures.append((str(error.filename), reason))
         if not fitting and not errors:
             kind = " or ".join(endings) if len(endings) < 3 else "fitting"
             self.failures.append((top, f"no {kind} file is in this folder or below it"))

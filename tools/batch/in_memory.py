@@ -1,13 +1,14 @@
-"""Render shots to arrays, for programs that keep the picture: the notebook, the demonstration,
-calibration.
+"""Render shots to arrays, and preview them, for programs that keep the picture: the notebook, the
+demonstration, calibration.
 """
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
-from ...shared import ByteArray, FloatArray, InputError, Mosaic
+from ...shared import ByteArray, CfaPattern, FloatArray, InputError, Mosaic
+from ...shared.figures import whole
 from ...shared.processors import processors
 from ..io.display import joined
 from ..io.kind import PictureKind
@@ -19,7 +20,8 @@ from .memory import allowed_memory, check_memory
 from .order import check_light, settings_named
 from .progress import REMARKS, StageProgress
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # onnxruntime is slow to load, and help needs none
+    from ...device import Preview
     from ...offline import Rendering, RenderSettings, Stages
 
 _AS_ARRAY = PictureKind("npy", 32, "camera")
@@ -90,3 +92,37 @@ def merged_picture(
         rgb = joined(subject.bands(progress), mosaic.shape[0])
     subject.mosaic = mosaic
     return rgb, subject
+
+
+def check_scale(scale: int) -> None:
+    """Raise InputError for a scale of previews below 1."""
+    if whole("`scale`", scale) < 1:
+        raise InputError(f"`scale` is {scale}, expected 1 or more")
+
+
+def camera_preview(mosaic: Mosaic, scale: int = 1, threads: int | None = None) -> ByteArray:
+    """The camera's preview of a shot, uint8 sRGB (h, w, 3), oriented like the samples.
+
+    scale, threads: see `Preview`. Raises InputError without such a scale.
+    """
+    check_scale(scale)
+    # wherever it begins, the graph is the same
+    pattern = mosaic.pattern.cropped(*mosaic.pattern.origin)
+    return cast(ByteArray, _preview(pattern, int(scale), threads).run(mosaic))
+
+
+@cache
+def _preview(pattern: CfaPattern, scale: int, threads: int | None) -> "Preview":
+    """Build the graph of a pattern once."""
+    from ...device import Preview
+
+    return Preview(pattern, scale, threads=threads)
+
+
+def linear_preview(mosaic: Mosaic) -> FloatArray:
+    """The camera's preview of a shot at full size, without display processing: float32 (H, W, 3),
+    scene units of the shot.
+    """
+    from ...device import Preview
+
+    return cast(FloatArray, Preview(mosaic.pattern, linear=True, threads=1).run(mosaic))

@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from ...shared import writing
 from ...shared.errors import ForeignFileError, InputError, OutputError, PanchromaError
-from ...shared.writing import reason as why_not_written
-from ...shared.writing import sweep, write_durably
 from .console import Console, fault
 from .parallel import Function, Results, in_threads, one_by_one
 from .progress import StageProgress
@@ -129,10 +128,10 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
     except FileExistsError:
         raise OutputError(f"{folder}: is not a folder; name the folder for the results") from None
     except OSError as error:
-        raise OutputError(f"{folder}: {why_not_written(error, [path, *missing][-1])}") from None
+        raise OutputError(f"{folder}: {writing.reason(error, [path, *missing][-1])}") from None
     if not os.access(path, os.W_OK | os.X_OK):
         raise OutputError(f"{folder}: no permission to write in this folder; choose another")
-    sweep(path)
+    writing.sweep(path)
     return path
 
 
@@ -261,7 +260,7 @@ def fail(job: Job, message: str, console: Console, cause: Exception | None = Non
 def write_report(path: Path, make: Callable[[], bytes], console: Console, overwrite: bool) -> bool:
     """Make and write a text about results, which stay if that fails; True if it is there."""
     try:
-        write_durably(path, console.spell(make().decode()).encode(), overwrite=overwrite)
+        writing.write_durably(path, console.spell(make().decode()).encode(), overwrite=overwrite)
     except Exception as error:  # drawing it may raise anything
         fail(Job(str(path)), reason(error), console, error)
         return False

@@ -61,7 +61,9 @@ def available_memory() -> int:
     """Bytes of memory that are free, or can be freed at once: of the machine, and within every
     limit of this process.
     """
-    return max(0, min((_machine(), *_left_in_groups(), *_left_to_process())))
+    half = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
+    machine = system_figure("/proc/meminfo", "MemAvailable") or half
+    return max(0, min((machine, *_left_in_groups(), *_left_to_process())))
 
 
 def _left_in_groups() -> Iterator[int]:
@@ -79,12 +81,6 @@ def _left_to_process() -> Iterator[int]:
     for limit, counted in _LIMITS.items():
         if (most := resource.getrlimit(limit)[0]) != resource.RLIM_INFINITY:
             yield most - system_figure("/proc/self/status", counted)
-
-
-def _machine() -> int:
-    if free := system_figure("/proc/meminfo", "MemAvailable"):
-        return free
-    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
 
 
 def system_figure(file: str | Path, name: str) -> int:

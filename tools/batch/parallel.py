@@ -4,6 +4,8 @@ Each way yields (item, result or exception) as items finish: an item that fails 
 others.
 """
 
+from __future__ import annotations
+
 import multiprocessing
 import os
 import signal
@@ -18,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from .console import LOG, WorkerFault, fault, shown_by, traceback_of
-from .signals import raise_lost_signal
+from .signals import ENDING, raise_lost_signal
 
 if TYPE_CHECKING:  # it loads NumPy, before a worker process has set the number of its threads
     from .progress import Note, StageProgress
@@ -33,15 +35,14 @@ Results = Iterator[tuple[P, R | Exception]]
 _OF_LIBRARIES = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 THREAD_VARIABLES = (*_OF_LIBRARIES, "OPENCV_FOR_THREADS_NUM", "PANCHROMA_THREADS")
 """Environment variables that numerical libraries read when they are loaded."""
-_ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 _AHEAD = 1000  # calls submitted at a time: there may be a million items
 _POLL_POOL = 1.0  # seconds without a result after which the pool is looked at
 _STARTS = 3  # of a pool whose processes die before they have an item
 
 
 def one_by_one(
-    function: "Function[P, R]", items: Iterable[P], listen: "Callable[[P], StageProgress]"
-) -> "Results[P, R]":
+    function: Function[P, R], items: Iterable[P], listen: Callable[[P], StageProgress]
+) -> Results[P, R]:
     """Call the function in this thread.
 
     listen: makes the listener of an item, for a `with` block.
@@ -53,10 +54,8 @@ def one_by_one(
         yield item, result
 
 
-def in_threads(
-    function: "Function[P, R]", items: Sequence[P], count: int, note: "Note"
-) -> "Results[P, R]":
-    """Call the function in threads; yield in the order of the items.
+def in_threads(work: Function[P, R], items: Sequence[P], count: int, note: Note) -> Results[P, R]:
+    """Call a function in threads; yield in the order of the items.
 
     count: number of threads, 1 or more. note: called with each note of an item, in any of the
     threads.
@@ -65,20 +64,20 @@ def in_threads(
     from .progress import StageProgress
 
     def call(item: P) -> R | Exception:
-        return _result_or_error(function, item, StageProgress(note=note))
+        return _result_or_error(work, item, StageProgress(note=note))
 
     yield from zip(items, ahead(call, items, count), strict=True)
 
 
 @contextmanager
 def in_processes(
-    function: "Function[P, R]",
+    function: Function[P, R],
     items: Sequence[P],
     count: int,
-    note: "Note",
+    note: Note,
     remedy: str,
     threads: int = 1,
-) -> "Iterator[Results[P, R]]":
+) -> Iterator[Results[P, R]]:
     """Call the function in processes of this machine; the `with` block gets the results as items
     finish. Functions, items and results are pickled.
 
@@ -127,7 +126,7 @@ def in_processes(
             child.kill()  # all at once: the pool would wait for one after the other
         pools[-1].join()
 
-    def results() -> "Results[P, R]":
+    def results() -> Results[P, R]:
         waiting = deque(items)
         running: dict[Future[tuple[Any, list[str]]], P] = {}
         while waiting or running:
@@ -188,7 +187,7 @@ class _SafeSpawn(SpawnContext):
     Process = _SafeProcess
 
 
-def possible_processes(count: int, note: "Note") -> int:
+def possible_processes(count: int, note: Note) -> int:
     """Return `count`, or 1 and a note where processes cannot share work."""
     spawn = _SafeSpawn()
     try:
@@ -213,7 +212,7 @@ def _blocked_signals() -> Iterator[None]:
 
     with _safe_path():
         resource_tracker.ensure_running()  # when it starts, it unblocks SIGINT in Python 3.11
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
         yield
     finally:
@@ -228,7 +227,7 @@ def _begin(threads: int, level: int) -> None:
     LOG.setLevel(level)
 
 
-def _call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]]:
+def _call(function: Function[P, R], item: P) -> tuple[R | Exception, list[str]]:
     """In a worker: (result or exception, notes). The exception carries its traceback, or that of
     its cause, as a note.
     """
@@ -246,9 +245,7 @@ def _call(function: "Function[P, R]", item: P) -> tuple[R | Exception, list[str]
     return result, notes
 
 
-def _result_or_error(
-    function: "Function[P, R]", item: P, listener: "StageProgress"
-) -> R | Exception:
+def _result_or_error(function: Function[P, R], item: P, listener: StageProgress) -> R | Exception:
     """Call the function; return its result, or the exception that it raises. An interrupt, which is
     no `Exception`, is raised.
     """
@@ -259,8 +256,8 @@ def _result_or_error(
 
 
 def follow(
-    results: "Results[P, R]", items: Sequence[P], progress: "StageProgress", name: str = ""
-) -> "Results[P, R]":
+    results: Results[P, R], items: Sequence[P], progress: StageProgress, name: str = ""
+) -> Results[P, R]:
     """Yield the results, and show how far the whole is and how long the rest will take.
 
     Parameters

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 INTERRUPTED = 130
-_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _DEFAULT = (signal.SIG_DFL, signal.default_int_handler)
 # raised since `orderly_end` began, even if something has caught it
 _received: list["Terminated"] = []
@@ -33,7 +33,7 @@ def orderly_end(*, last: bool = False) -> Iterator[None]:
 
     last: the program ends after the block: from then on they end it at once, without a traceback.
     """
-    numbers = _ENDING if threading.current_thread() is threading.main_thread() else ()
+    numbers = ENDING if threading.current_thread() is threading.main_thread() else ()
     free = [number for number in numbers if signal.getsignal(number) in _DEFAULT]
     _received.clear()
     before = {number: signal.signal(number, _terminate) for number in free}

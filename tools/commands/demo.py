@@ -23,9 +23,8 @@ from ...shared.dng import read_preview
 from ...shared.series import frame_name
 from ...shared.writing import write_durably
 from ..batch.console import Console
-from ..batch.in_memory import merged_picture, renderings
+from ..batch.in_memory import camera_preview, merged_picture, renderings
 from ..batch.jobs import Job, Outcome, output_folder, run_jobs
-from ..batch.previews import Previews
 from ..evaluation.metrics import MEDIAN, quality
 from ..evaluation.rivals.bilinear import demosaic_bilinear
 from ..io.development import Development
@@ -135,7 +134,7 @@ def _photographed(scene: Scene, frame: SimulatedFrame, path: Path, seed: int) ->
     """A shot of a frame, as its file holds it."""
     camera = SimulatedCamera(CfaPattern.bayer(), protocol=_NOISE)
     mosaic = camera.shoot(scene, np.random.default_rng(seed), frame).mosaic
-    write_dng(path, mosaic, Previews()(mosaic))
+    write_dng(path, mosaic, camera_preview(mosaic))
     return read_dng(path)
 
 

@@ -109,12 +109,9 @@ def _program() -> Iterator[Finding]:
 _EXTRAS = "", "offline", "tools", "rivals"
 _OPENCV = "opencv-contrib-python-headless"
 _OTHER_OPENCV = "opencv-python", "opencv-contrib-python", "opencv-python-headless"
-_MODULES = {
-    "onnxruntime": "panchroma.shared.runtime",
-    "matplotlib": "panchroma.tools.io.plotting",
-    "Pillow": "PIL",
-    _OPENCV: "cv2",
-}
+# Package -> what is imported to try it, where that has another name, or is our own import of it.
+_OWN = {"onnxruntime": "panchroma.shared.runtime", "matplotlib": "panchroma.tools.io.plotting"}
+_MODULES = {**_OWN, "Pillow": "PIL", _OPENCV: "cv2"}
 
 
 def _packages() -> Iterator[Finding]:
@@ -191,9 +188,9 @@ def _open_networks() -> None:
 
 
 def _preview() -> None:
-    from ..batch.previews import Previews
+    from ..batch.in_memory import camera_preview
 
-    _check_grey(Previews(threads=1)(_wall()))
+    _check_grey(camera_preview(_wall(), threads=1))
 
 
 def _render(settings: Any) -> None:

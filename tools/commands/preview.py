@@ -13,10 +13,10 @@ from ...shared import InputError, read_camera, read_dng
 from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import DNGS, plan, search
+from ..batch.in_memory import camera_preview, check_scale
 from ..batch.jobs import Job, Outcome, output_folder, planned, refuse_existing
 from ..batch.journal import digest
 from ..batch.order import Keep, do_kept
-from ..batch.previews import Previews
 from ..batch.progress import StageProgress
 from ..io.formats.jpg import check_quality, encode_jpeg
 from .options import SCALE, add, add_file_run, add_shots, file_name, file_run, pixel_limit
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         if arguments.export is None:
             raise InputError("-o is missing: the folder for the previews")
         return 0
-    previews = Previews(arguments.scale)
+    check_scale(arguments.scale)
     camera = read_camera(arguments.camera) if arguments.camera else None
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
     run = file_run(arguments, folder, camera=arguments.camera and digest(arguments.camera))
@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             listener.note(f"{job.source}: {remark}")
         if run.dry_run:
             return planned(job)
-        picture = previews(mosaic)
+        picture = camera_preview(mosaic, arguments.scale)
         jpeg = encode_jpeg(picture, mosaic.metadata, quality=arguments.quality)
         write_durably(job.output, jpeg, **keep(job.output))
         rows, columns = picture.shape[:2]

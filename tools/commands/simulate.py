@@ -31,10 +31,10 @@ from ...shared.series import frame_name
 from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import plan, search
+from ..batch.in_memory import camera_preview
 from ..batch.jobs import Job, Outcome, output_folder, planned
 from ..batch.journal import digest
 from ..batch.order import Keep, do_kept
-from ..batch.previews import Previews
 from ..batch.progress import StageProgress
 from ..io.development import Development
 from ..io.kind import PictureKind, write_picture
@@ -108,7 +108,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
     stated = arguments.camera and digest(arguments.camera)
     run = options.file_run(arguments, folder, camera=stated, pattern=asdict(pattern))
-    previews = Previews()
     load = partial(load_scene, max_pixels=pixel_limit(), channels=pattern.channels)
 
     def names(source: str) -> list[str]:
@@ -136,7 +135,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             if arguments.format == "raw":  # samples alone
                 samples = mosaic.codes.astype("<u2").tobytes()
             else:
-                samples = encode_dng(mosaic, previews(mosaic))
+                samples = encode_dng(mosaic, camera_preview(mosaic))
             write_durably(shot, samples, **keep(shot))
             if not motions and beside:
                 missing = _write_truth(exposed, beside[:2], keep)

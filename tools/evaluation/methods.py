@@ -7,7 +7,7 @@ from functools import cache, partial
 from ...offline import PRESETS, RenderSettings, render
 from ...shared import FloatArray, InputError, Mosaic
 from ...shared.errors import meant
-from ..batch.previews import linear_preview
+from ..batch.in_memory import linear_preview
 from .cameras import Method
 from .functions import function
 from .rivals import bilinear, bm3d_dlmmse, dlmmse, libraw

@@ -7,7 +7,7 @@ import pytest
 
 from panchroma.device import Preview
 from panchroma.shared import CfaPattern, FloatArray, SensorCalibration
-from panchroma.tools.batch.previews import linear_preview
+from panchroma.tools.batch.in_memory import linear_preview
 from panchroma.tools.evaluation.metrics import MEDIAN, quality
 from panchroma.tools.evaluation.rivals.bilinear import demosaic_bilinear
 from panchroma.tools.simulation.load import load_scene

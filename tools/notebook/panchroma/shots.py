@@ -6,7 +6,6 @@ from __future__ import annotations  # help() then shows them as they are written
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -21,9 +20,8 @@ from .tools.batch.burst_files import checked_reference, series
 from .tools.batch.chosen_white import WhiteBalance
 from .tools.batch.console import fault
 from .tools.batch.folders import DNGS, search
-from .tools.batch.in_memory import merged_picture, note_once, render_array
+from .tools.batch.in_memory import camera_preview, merged_picture, note_once, render_array
 from .tools.batch.order import settings_named
-from .tools.batch.previews import Previews
 from .tools.batch.progress import StageProgress
 from .tools.io.display import upright
 
@@ -109,7 +107,7 @@ class Shot:
         """
         if isinstance(path, str | PathLike) and Path(path).suffix.lower() != ".dng":
             raise InputError(f"{path}: a shot is saved as a DNG; end its name in .dng")
-        write_dng(path, self.mosaic, _previews()(self.mosaic), overwrite=checked_flag(overwrite))
+        write_dng(path, self.mosaic, camera_preview(self.mosaic), overwrite=checked_flag(overwrite))
 
     def __repr__(self) -> str:
         (rows, columns), pattern = self.shape, self.pattern
@@ -182,7 +180,7 @@ def preview(shot: Shot | File, *, scale: int = 1) -> Image:
     <Image 40 x 30, 8-bit sRGB>
     """
     mosaic = as_shot(shot).mosaic
-    return Image(upright(_previews(scale)(mosaic), mosaic.metadata.orientation))
+    return Image(upright(camera_preview(mosaic, scale), mosaic.metadata.orientation))
 
 
 def render(
@@ -382,6 +380,3 @@ def as_shot(shot: Shot | File) -> Shot:
         made = "Shot(Mosaic(codes, pattern, calibration)) is one of codes of your own"
         raise InputError(f"{type(shot).__name__} is neither a shot nor its file; {made}")
     return shot if isinstance(shot, Shot) else open(shot)
-
-
-_previews = cache(Previews)  # graphs are built once
