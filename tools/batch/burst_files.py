@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _FARTHEST_SHIFT = 1000.0  # pixels that a sensor moves
 _NAMED = 4  # series that an error names
 Shift = tuple[float, ...]
+Read = Callable[[str], Mosaic]
+"""Returns a frame by its name."""
 
 
 @dataclass(eq=False)
@@ -163,9 +165,7 @@ class BurstOrder(Order):
             expected = f"expected {_FARTHEST_SHIFT:g} pixels at most"
             raise InputError(f"`shifts` are {self.shifts}, {expected}")
 
-    def open(
-        self, job: Job, memory: int, note: Note, read: Callable[[str], Mosaic] | None = None
-    ) -> "BurstSubject":
+    def open(self, job: Job, memory: int, note: Note, read: Read | None = None) -> "BurstSubject":
         """The frames that can be read.
 
         Raises InputError if there is none, or if the one that is to be the reference is not.
@@ -197,7 +197,7 @@ class BurstOrder(Order):
             raise InputError(f"the frames are of several sensors, {kinds}; name those of one")
         return BurstSubject(self, frames, note)
 
-    def _frame(self, name: str, read: Callable[[str], Mosaic], *, from_folder: bool) -> BurstFile:
+    def _frame(self, name: str, read: Read, *, from_folder: bool) -> BurstFile:
         mosaic = None
         try:
             mosaic = read(name)

@@ -2,7 +2,7 @@
 demonstration, calibration.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -12,7 +12,7 @@ from ...shared.figures import whole
 from ...shared.processors import processors
 from ..io.display import joined
 from ..io.kind import PictureKind
-from .burst_files import BurstOrder, BurstSubject
+from .burst_files import BurstOrder, BurstSubject, Read
 from .compilation import announced_compilation, compile_ahead
 from .console import LOG, one_line
 from .jobs import Job
@@ -55,36 +55,33 @@ def render_array(
         return joined(bands, mosaic.shape[0]), measured.lost
 
 
-def renderings(
-    mosaic: Mosaic, presets: Sequence[str], progress: StageProgress
-) -> list["Rendering"]:
+def renderings(mosaic: Mosaic, progress: StageProgress, *presets: str) -> list["Rendering"]:
     """Render a shot with each of these presets; kernels are compiled first, on all processors."""
     from ...offline import render
 
-    settings = [settings_named(preset) for preset in presets]
     with announced_compilation(progress):
         compile_ahead(processors(), progress)
-        return [render(mosaic, setting, progress) for setting in settings]
+        return [render(mosaic, settings_named(preset), progress) for preset in presets]
 
 
 def merged_picture(
     names: Sequence[str],
     progress: StageProgress,
-    read: Callable[[str], Mosaic] | None = None,
-    max_memory: int | str | None = None,
-    **settings: Any,
+    read: Read,
+    memory: int | str | None,
+    **fields: Any,
 ) -> tuple[FloatArray, BurstSubject]:
     """The picture of a burst, float32 (H, W, C), scene units, and what became of its frames.
 
     Raises InputError if a frame cannot be read, and as `BurstOrder.open` does.
 
-    names: of the frames. read: returns a frame by its name; None = that in the file. settings: of
-    the `BurstOrder` that are not usual.
+    names: of the frames. memory: see `allowed_memory`. fields: of the `BurstOrder` that are not
+    usual.
     """
-    order = BurstOrder(folder=Path(), kind=_AS_ARRAY, **settings)
-    job, memory = Job(names[0], frames=tuple(names)), allowed_memory(max_memory)
+    order = BurstOrder(folder=Path(), kind=_AS_ARRAY, **fields)
+    job, limit = Job(names[0], frames=tuple(names)), allowed_memory(memory)
     with announced_compilation(progress):
-        subject = order.open(job, memory, progress.note, read)
+        subject = order.open(job, limit, progress.note, read)
         for error in subject.errors:
             raise InputError(error)
         subject.prepare(progress)

@@ -14,7 +14,7 @@ import hashlib
 import json
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -83,11 +83,9 @@ class Journal:
             self._catch_up()
         return self._entries.get(output, [])
 
-    def made_with(self, output: str) -> list[Entry]:
-        """The latest entries of all outputs that the latest run of this one made of its source."""
-        made = {(entry.run, entry.source) for entry in self.of(output)[-1:]}
-        if not made:
-            return []
+    def made_with(self, outputs: Iterable[str]) -> list[Entry]:
+        """The latest entries of all outputs that the latest runs of these made of their sources."""
+        made = {(entry.run, entry.source) for name in outputs for entry in self.of(name)[-1:]}
         with self._lock:
             latest = [entries[-1] for entries in self._entries.values()]
         return [entry for entry in latest if (entry.run, entry.source) in made]

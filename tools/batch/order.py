@@ -429,7 +429,10 @@ def kept(run: FileRun, work: Writing, job: Job, listener: StageProgress) -> Outc
         found = {output: _existing(run, job, output, source) for output in job.outputs}
         if all(each.current for each in found.values()):
             return _up_to_date(job.output, "current")
-        left_over = [path for path in _made_with(run, job) if path not in run.outputs]
+        # files that an earlier run made with these: they may be taken for those of this one
+        entries = run.journal.made_with(map(run.name, job.outputs))
+        made = [run.folder / entry.output for entry in entries]
+        left_over = [path for path in made if path not in run.outputs]
 
         def keep(output: Path) -> dict[str, Any]:
             if found[output].changed:
@@ -444,15 +447,6 @@ def kept(run: FileRun, work: Writing, job: Job, listener: StageProgress) -> Outc
             what = "was made with what is replaced, and does not belong to what is there now"
             listener.note(f"{path}: {what}: remove it")
         return outcome
-
-
-def _made_with(run: FileRun, job: Job) -> Iterable[Path]:
-    """Files that an earlier run made with the outputs: beside those of this run they may be taken
-    for theirs.
-    """
-    names = map(run.name, job.outputs)
-    entries = (entry for name in names for entry in run.journal.made_with(name))
-    return dict.fromkeys(run.folder / entry.output for entry in entries)
 
 
 def _note_in_journal(order: Noted, job: Job, output: Path, source: str, whole: Path) -> None:

@@ -29,6 +29,8 @@ P = TypeVar("P")
 R = TypeVar("R")
 Function = Callable[[P, "StageProgress"], R]
 """Called with an item and a listener, which takes the stages and notes of the item."""
+Listen = Callable[[P], "StageProgress"]
+"""Makes the listener of an item."""
 Results = Iterator[tuple[P, R | Exception]]
 """(item, what the function returned, or the exception that it raised)."""
 
@@ -40,17 +42,15 @@ _POLL_POOL = 1.0  # seconds without a result after which the pool is looked at
 _STARTS = 3  # of a pool whose processes die before they have an item
 
 
-def one_by_one(
-    function: Function[P, R], items: Iterable[P], listen: Callable[[P], StageProgress]
-) -> Results[P, R]:
-    """Call the function in this thread.
+def one_by_one(work: Function[P, R], items: Iterable[P], listen: Listen[P]) -> Results[P, R]:
+    """Call a function in this thread.
 
     listen: makes the listener of an item, for a `with` block.
     """
     for item in items:
         raise_lost_signal()
         with listen(item) as listener:
-            result = _result_or_error(function, item, listener)
+            result = _result_or_error(work, item, listener)
         yield item, result
 
 
@@ -71,14 +71,9 @@ def in_threads(work: Function[P, R], items: Sequence[P], count: int, note: Note)
 
 @contextmanager
 def in_processes(
-    function: Function[P, R],
-    items: Sequence[P],
-    count: int,
-    note: Note,
-    remedy: str,
-    threads: int = 1,
+    work: Function[P, R], items: Sequence[P], count: int, note: Note, remedy: str, threads: int = 1
 ) -> Iterator[Results[P, R]]:
-    """Call the function in processes of this machine; the `with` block gets the results as items
+    """Call a function in processes of this machine; the `with` block gets the results as items
     finish. Functions, items and results are pickled.
 
     The processes are killed at the end of the block, whatever they are at. Files that are half
@@ -86,7 +81,7 @@ def in_processes(
 
     Parameters
     ----------
-    function
+    work
         Of a module, or a `partial` of one.
     items
         Any number; 1000 are submitted at a time. One whose process was killed ends with an
@@ -137,7 +132,7 @@ def in_processes(
                 start()
             with suppress(RuntimeError):  # the pool has failed meanwhile: see above
                 while waiting and len(running) < _AHEAD:
-                    future = pools[-1].schedule(_call, (function, waiting[0]))
+                    future = pools[-1].schedule(_call, (work, waiting[0]))
                     running[future] = waiting.popleft()
             done, _ = wait(running, _POLL_POOL, FIRST_COMPLETED)
             raise_lost_signal()

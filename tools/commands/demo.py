@@ -102,7 +102,7 @@ def _show_shot(folder: Path, console: Console) -> Medians:
     write_durably(preview, read_preview(folder / "shot.dng"))
     console.note(f"the camera's own preview is ready: {preview}")
     with console.progress("demo") as progress:
-        paper, best = renderings(mosaic, ("paper", "best"), progress)
+        paper, best = renderings(mosaic, progress, "paper", "best")
     shot = _NOISE.bayer(sample_bayer(scene.rgb), np.random.default_rng(_SEED))
     bayer = demosaic_bilinear(shot.samples)
     _save(folder, mosaic, {"render.png": best.rgb, "render.tif": best.rgb, "truth.tif": scene.rgb})
@@ -121,8 +121,8 @@ def _show_burst(names: list[str], folder: Path, console: Console) -> Medians:
     shots = enumerate(zip(frames, paths, strict=True))
     mosaics = [_photographed(scene, *shot, seed) for seed, shot in shots]
     with console.progress("demo") as progress:
-        one = renderings(mosaics[0], ("best",), progress)[0].rgb
-        merged, _ = merged_picture([*map(str, paths)], progress, reference=0)
+        one = renderings(mosaics[0], progress, "best")[0].rgb
+        merged, _ = merged_picture([*map(str, paths)], progress, read_dng, None, reference=0)
     truth, compared = frames[0].rgb, {"One frame": one, f"Burst of {len(names)} frames": merged}
     pictures = {"frame.png": one, "burst.png": merged, "burst.tif": merged, "truth.tif": truth}
     _save(folder, mosaics[0], pictures)
