@@ -16,7 +16,7 @@ from .burst_files import BurstOrder, BurstSubject, Read
 from .compilation import announced_compilation, compile_ahead
 from .console import LOG, one_line
 from .jobs import Job
-from .memory import allowed_memory, check_memory
+from .memory import Limit, allowed_memory, check_memory
 from .order import check_light, settings_named
 from .progress import REMARKS, StageProgress
 
@@ -34,7 +34,7 @@ def note_once(text: str) -> None:
 
 
 def render_array(
-    mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | None", memory: int | str | None
+    mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | None", memory: Limit
 ) -> tuple[FloatArray, ByteArray | None]:
     """The picture, float32 (H, W, C), scene units, and where the shot does not tell what the light
     was (`offline.Rendering.lost`).
@@ -65,20 +65,16 @@ def renderings(mosaic: Mosaic, progress: StageProgress, *presets: str) -> list["
 
 
 def merged_picture(
-    names: Sequence[str],
-    progress: StageProgress,
-    read: Read,
-    memory: int | str | None,
-    **fields: Any,
+    names: Sequence[str], progress: StageProgress, read: Read, memory: Limit, **settings: Any
 ) -> tuple[FloatArray, BurstSubject]:
     """The picture of a burst, float32 (H, W, C), scene units, and what became of its frames.
 
     Raises InputError if a frame cannot be read, and as `BurstOrder.open` does.
 
-    names: of the frames. memory: see `allowed_memory`. fields: of the `BurstOrder` that are not
-    usual.
+    names: of the frames. memory: see `allowed_memory`. settings: of the `BurstOrder` that are
+    not usual.
     """
-    order = BurstOrder(folder=Path(), kind=_AS_ARRAY, **fields)
+    order = BurstOrder(folder=Path(), kind=_AS_ARRAY, **settings)
     job, limit = Job(names[0], frames=tuple(names)), allowed_memory(memory)
     with announced_compilation(progress):
         subject = order.open(job, limit, progress.note, read)

@@ -27,7 +27,11 @@ _THREAD = 20 * 2**20  # of each thread: its own heap
 _MOSAIC = 2.0  # per pixel: sensor codes
 
 
-def allowed_memory(limit: int | str | None) -> int:
+Limit = int | str | None
+"""Bytes, or a size such as "4G"; None = most of the free memory."""
+
+
+def allowed_memory(limit: Limit) -> int:
     """Bytes that may be used: the limit, bytes or a size such as "4G", or for None most of the free
     memory.
 
