@@ -2,7 +2,6 @@
 
 import heapq
 import random
-from collections import Counter
 from contextlib import ExitStack
 from functools import lru_cache, partial
 
@@ -11,7 +10,7 @@ from ...shared.processors import available_threads, processors
 from ...shared.writing import sweep
 from .compilation import compile_ahead
 from .console import Console
-from .jobs import Job, State, do_jobs, file_status
+from .jobs import Job, counted, do_jobs, exit_code, file_status, possible_jobs
 from .memory import allowed_memory, needed_memory
 from .order import Order, attempt
 from .parallel import follow, in_processes, one_by_one, possible_processes
@@ -23,10 +22,11 @@ _MEASURED_SHOTS = 3  # files that are read to learn how much memory the largest 
 
 def render_all(
     order: Order, shots: list[Job], console: Console, *, jobs: int | None, memory: int | None
-) -> Counter[State]:
-    """Render all shots, with a line and a record for each.
+) -> int:
+    """Render all shots that would replace nothing that must stay, with a line and a record for
+    each; of several say then how many ended in which state.
 
-    Returns how many ended in which state.
+    Returns the exit code.
 
     Parameters
     ----------
@@ -42,30 +42,35 @@ def render_all(
     memory
         Bytes for all processes together; None = most of what is free.
     """
+    possible = possible_jobs(shots, console, overwrite=order.may_replace)
     # commands that share a folder wait for a shot that another one renders: they should seldom meet
     if order.resume:
-        shots = random.sample(shots, len(shots))
-    several = len(shots) > 1
+        random.shuffle(possible)
+    several = len(possible) > 1
     # several processes send the same note: it is shown once
     note = lru_cache(REMARKS)(console.note)
     with ExitStack() as stack:
         progress = stack.enter_context(console.progress("render") if several else StageProgress())
-        for folder in {shot.output.parent for shot in shots if not order.dry_run}:
+        for folder in {shot.output.parent for shot in possible if not order.dry_run}:
             stack.callback(sweep, folder)  # what killed processes leave
         allowed = allowed_memory(memory)
-        count = _processes(order, shots, jobs, allowed, note)
+        count = _processes(order, possible, jobs, allowed, note)
         threads_each = min(available_threads(), max(1, processors() // count))
         if count > 1:
             compile_ahead(count, StageProgress(note=note))
             remedy = "render it again with `resume=True`, and fewer processes"
             work = partial(attempt, order, allowed // count, 1)
-            pool = in_processes(work, shots, count, note, remedy, threads_each)
+            pool = in_processes(work, possible, count, note, remedy, threads_each)
             results = stack.enter_context(pool)
         else:
             show = console.progress if not several else partial(StageProgress, note=console.note)
             work = partial(attempt, order, allowed, threads_each)
-            results = one_by_one(work, shots, lambda shot: show(shot.source))
-        return do_jobs(follow(results, shots, progress), console)
+            results = one_by_one(work, possible, lambda shot: show(shot.source))
+        states = do_jobs(follow(results, possible, progress), console)
+    states["failed"] += len(shots) - len(possible)
+    if len(shots) > 1:
+        console.note(counted(states))
+    return exit_code(states)
 
 
 def _processes(order: Order, shots: list[Job], jobs: int | None, memory: int, note: Note) -> int:

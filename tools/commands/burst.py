@@ -15,7 +15,7 @@ from ...shared import read_dng
 from ..batch.burst_files import BurstOrder, checked_reference, series, series_stem
 from ..batch.console import Console
 from ..batch.folders import DNGS, search
-from ..batch.jobs import FAILED, Job, exit_code, possible_jobs
+from ..batch.jobs import FAILED, Job
 from ..batch.run import render_all
 from .options import add, add_picture, add_run, numbers, order_fields
 
@@ -47,19 +47,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Make the picture; returns the exit code."""
     fields = order_fields(arguments)
-    folder, suffix = fields["folder"], fields["kind"].suffix
-    files = search(arguments.shots, DNGS, output=folder)
+    files = search(arguments.shots, DNGS, output=fields["folder"])
     if files.report(console):
         return FAILED
     names = series(files.sources)
     if len(names) == 1:
         read_dng(names[0])  # says what is wrong with it
-    shifts = arguments.shifts
-    reference = checked_reference(names, arguments.reference, shifts)
-    order = BurstOrder(reference=reference, shifts=shifts, **fields)
-    output = folder / f"{series_stem(names)}{suffix}"
+    reference = checked_reference(names, arguments.reference, arguments.shifts)
+    order = BurstOrder(reference=reference, shifts=arguments.shifts, **fields)
+    output = order.folder / f"{series_stem(names)}{order.kind.suffix}"
     from_folder = all(source.from_folder for source in files.sources)
     job = Job(names[0], (output,), from_folder, tuple(names))
-    jobs = possible_jobs([job], console, overwrite=order.may_replace)
-    states = render_all(order, jobs, console, jobs=1, memory=arguments.max_memory)
-    return exit_code(states) if jobs else FAILED
+    return render_all(order, [job], console, jobs=1, memory=arguments.max_memory)

@@ -12,7 +12,6 @@ from pathlib import Path
 
 from ..batch.console import Console
 from ..batch.folders import DNGS, plan, search
-from ..batch.jobs import counted, exit_code, possible_jobs
 from ..batch.order import Order
 from ..batch.run import render_all
 from .options import add, add_picture, add_run, add_shots, order_fields
@@ -41,10 +40,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     def names(source: str) -> list[str]:
         return [f"{Path(source).stem}{order.kind.suffix}"]
 
-    planned = plan(files.sources, names, order.folder, dry_run=order.dry_run)
-    shots = possible_jobs(planned, console, overwrite=order.may_replace)
-    states = render_all(order, shots, console, jobs=arguments.jobs, memory=arguments.max_memory)
-    states["failed"] += len(planned) - len(shots)
-    if len(planned) > 1:
-        console.note(counted(states))
-    return exit_code(states) or failed
+    shots = plan(files.sources, names, order.folder, dry_run=order.dry_run)
+    code = render_all(order, shots, console, jobs=arguments.jobs, memory=arguments.max_memory)
+    return code or failed
