@@ -98,8 +98,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                 console.json = getattr(parsed, "json", False)
                 console.quiet, console.verbose = parsed.quiet, parsed.verbose
                 code = FAILED
-                level = logging.INFO if console.verbose else logging.WARNING
-                with shown_by(console.note, level):
+                with shown_by(console.note, logging.INFO if console.verbose else logging.WARNING):
                     if console.verbose:
                         console.note(versions())
                     code = import_module(_COMMANDS + verb).run(parsed, console)

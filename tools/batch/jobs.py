@@ -164,8 +164,7 @@ def run_jobs(
         results = in_threads(work, possible, threads, console.note)
     else:
         results = one_by_one(work, possible, lambda job: show(job.source))
-    states = do_jobs(results, console)
-    return FAILED if len(possible) < len(jobs) else exit_code(states)
+    return exit_code(do_jobs(results, console)) or (FAILED if len(possible) < len(jobs) else 0)
 
 
 def exit_code(states: Counter[State]) -> int:

@@ -49,7 +49,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show what every check finds; returns the exit code: 1 when something is wrong, 0 when
     something optional is missing.
     """
-    findings = [*_program(), *_checked("packages", _packages)]
+    program = f"{program_version()} in {Path(__file__).parents[2]}"
+    python = Finding("Python", GOOD, f"{platform.python_version()} ({sys.executable})")
+    findings = [Finding("Panchroma", GOOD, program), python, *_checked("packages", _packages)]
     findings += _checked("kernel cache", partial(_kernels, console))
     for name, check in _pictures().items():
         findings += _checked(name, check)
@@ -98,11 +100,6 @@ def _checked(name: str, check: Callable[[], Iterable[Finding] | None]) -> Iterat
         reason, _, remedy = str(error).partition("; ")
         again = install_command().replace("install", "install --force-reinstall", 1)
         yield Finding(name, BAD, f"does not run: {reason}", remedy or again)
-
-
-def _program() -> Iterator[Finding]:
-    yield Finding("Panchroma", GOOD, f"{program_version()} in {Path(__file__).parents[2]}")
-    yield Finding("Python", GOOD, f"{platform.python_version()} ({sys.executable})")
 
 
 # Extras of pyproject.toml whose packages are looked at; "" = what nothing works without.

@@ -132,8 +132,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple
     scenes, failures = team.read(arguments.scenes, Path(arguments.output), reading)
     chosen = tuple(method.name for method in methods)
     own_sources = tuple((method.name, method.source) for method in methods if method.source)
-    study = Study(tuple(scenes), chosen, levels, tuple(tiles), reading, own_sources)
-    return study, failures
+    return Study(tuple(scenes), chosen, levels, tuple(tiles), reading, own_sources), failures
 
 
 def _list(todo: list[Case], kept: int, failures: list[str], console: Console) -> int:

@@ -60,8 +60,7 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     title = "the camera (`panchroma identify` finds pattern and origin in one raw frame)"
     add(parser.add_argument_group(title), "camera", "pattern", "channels", "origin")
     itself = "it says size and stride itself, and the pattern unless its format is Mono"
-    title = f"settings of a genicam: camera ({itself})"
-    settings = parser.add_argument_group(title)
+    settings = parser.add_argument_group(f"settings of a genicam: camera ({itself})")
     exposure = "such as 1/100 or 0.01 (default: as it is set)"
     settings.add_argument("--exposure-time", metavar="SECONDS", type=factor, help=exposure)
     gain = "in the camera's unit, mostly dB (default: as it is set)"

@@ -98,8 +98,7 @@ def _shot(source: str, max_pixels: int) -> Contents:
     luminance = "unknown: no pixel is panchromatic"
     if clear.any():
         mean = float(mosaic.signal[clear].mean(dtype=np.float64))
-        read = mosaic.evenly_shaded().signal[clear]
-        saturated = float((read >= calibration.full_scale).mean())
+        saturated = float((mosaic.evenly_shaded().signal[clear] >= calibration.full_scale).mean())
         luminance = f"mean {mean:.3f} scene units, {100 * saturated:.2f} % saturated"
     # A Bayer sensor's pixels see a third of what panchromatic ones do. Filters read 1 where
     # panchromatic pixels read the full scale.

@@ -129,8 +129,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         frames = simulated_camera.burst_frames(scene.rgb, burst, hand, arguments.reduce)
         progress.stage("sampling and writing", burst.frames)
         for shot, frame in zip(shots, frames, strict=True):
-            rng = noise_of(arguments.seed, shot.relative_to(folder))
-            exposed = camera.shoot(scene, rng, frame)
+            exposed = camera.shoot(scene, noise_of(arguments.seed, shot.relative_to(folder)), frame)
             mosaic = exposed.mosaic
             if arguments.format == "raw":  # samples alone
                 samples = mosaic.codes.astype("<u2").tobytes()

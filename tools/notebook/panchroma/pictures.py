@@ -279,8 +279,7 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
     shown = picture if isinstance(picture, Picture) else Picture(unmasked(picture))
     transform = ColourTransform.to_space(shown.calibration, restored=shown.restored)
     rgb = transform.whitened(shown.rgb, shown.lost, exposure)
-    codes = display_codes(rgb, transform, 8, exposure)
-    return Image(upright(codes, shown.metadata.orientation))
+    return Image(upright(display_codes(rgb, transform, 8, exposure), shown.metadata.orientation))
 
 
 def _ending(file: File) -> str:
