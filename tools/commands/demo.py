@@ -12,7 +12,6 @@ of one frame.
 import argparse
 import itertools
 from functools import partial
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +20,7 @@ import numpy as np
 from ...shared import CfaPattern, DoubleArray, FloatArray, Mosaic, read_dng, write_dng
 from ...shared.dng import read_preview
 from ...shared.series import frame_name
-from ...shared.writing import write_durably
+from ...shared.writing import durable_file, write_durably
 from ..batch.console import Console
 from ..batch.in_memory import camera_preview, merged_picture, renderings
 from ..batch.jobs import Job, Outcome, output_folder, run_jobs
@@ -155,6 +154,5 @@ def _compare(folder: Path, mosaic: Mosaic, pictures: dict[str, FloatArray], crop
 
 
 def _draw(path: Path, figure: "Image") -> None:
-    buffer = BytesIO()
-    figure.save(buffer, "PNG", optimize=True)
-    write_durably(path, buffer.getvalue())
+    with durable_file(path) as file:
+        figure.save(file, "PNG", optimize=True)
