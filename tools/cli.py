@@ -7,7 +7,7 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
@@ -17,7 +17,6 @@ from typing import Any, NoReturn
 
 from .batch.console import Console, StandardOutputError, fault, one_line, shown_by, to_stdout
 from .batch.signals import INTERRUPTED, Terminated, orderly_end
-from .commands.spelling import spelled
 from .io.versions import program_version, versions
 
 # Verb -> what it does, in the order of work. Each is a module of `tools.commands` that has
@@ -46,6 +45,12 @@ environment variables:
   PANCHROMA_THREADS     threads of each process (default: one per processor)
   PANCHROMA_MAX_PIXELS  pixels of the largest file that is read (default: 268435456)
   NUMBA_CACHE_DIR       folder of compiled kernels (default: beside the sources)"""
+
+# The library marks the names of arguments, with or without a value: `sigma`, `overwrite=True`.
+_RENAMED = {"width": "size", "height": "size"}  # where names differ
+_SIZE = {"width": "{}xHEIGHT", "height": "WIDTHx{}"}
+_VARIABLES = {"max_pixels": "the environment variable PANCHROMA_MAX_PIXELS"}
+_ARGUMENT = re.compile(r"`([a-z_]+)(?:=([^`]*))?`")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -191,6 +196,35 @@ def _likeliest(name: str, known: Iterable[str]) -> str:
     begun = [word for word in plain if word.startswith(name)]
     likely = (begun or get_close_matches(name, plain, 1))[:1]
     return f"; did you mean {plain[likely[0]]}?" if likely else ""
+
+
+def option_of(argument: str) -> str:
+    """Return the option that sets an argument of the library, whichever verb has it."""
+    return f"--{_RENAMED.get(argument, argument).replace('_', '-')}"
+
+
+def spelled(message: str, options: Collection[str]) -> str:
+    """Return a message with options in place of the arguments that it names.
+
+    An argument that is none of these options, those of a verb, becomes plain words.
+
+    Examples
+    --------
+    >>> spelled("exists already; use `overwrite=True` to replace it", ["--overwrite"])
+    'exists already; use --overwrite to replace it'
+    """
+
+    def option(match: re.Match[str]) -> str:
+        name, value = match[1], match[2] or ""
+        if name in _VARIABLES:
+            return _VARIABLES[name]
+        value = _SIZE.get(name, "{}").format(value.strip('"')) if value not in ("", "True") else ""
+        known = option_of(name)
+        return f"{known if known in options else name.replace('_', ' ')} {value}".rstrip()
+
+    if "--overwrite" not in options:
+        message = message.replace("use `overwrite=True` to replace it", "choose another folder")
+    return _ARGUMENT.sub(option, re.sub("`width`(,| and| or) `height`", "`size`", message))
 
 
 def _open_streams() -> None:

@@ -18,9 +18,8 @@ import pytest
 
 import panchroma
 from panchroma.shared import Camera, CfaPattern, SensorCalibration
-from panchroma.tools.cli import VERBS, build_parser
+from panchroma.tools.cli import VERBS, build_parser, option_of, spelled
 from panchroma.tools.commands.options import add, camera_of
-from panchroma.tools.commands.spelling import option_of, spelled
 from tests.data import ROOT
 from tests.tools.command import run
 

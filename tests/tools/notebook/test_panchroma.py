@@ -17,7 +17,7 @@ from PIL import Image
 
 import panchroma
 from panchroma.shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading
-from panchroma.tools.commands.spelling import spelled
+from panchroma.tools.cli import spelled
 from panchroma.tools.io.colour import decode_srgb
 from panchroma.tools.io.kind import PictureKind
 from panchroma.tools.simulation.lens import lens_shading
