@@ -146,6 +146,10 @@ class Run:
         Replace any existing file.
     dry_run : bool
         Write nothing, only report what would be done.
+    made_by : str
+        Digest of all settings that change its files; an `Order` finds its own.
+    outputs : frozenset[Path]
+        Outputs of all jobs of the run, of which some may not have been made yet.
     """
 
     folder: Path
@@ -153,6 +157,8 @@ class Run:
     resume: bool = False
     overwrite: bool = False
     dry_run: bool = False
+    made_by: str = ""
+    outputs: frozenset[Path] = frozenset()
 
     @property
     def may_replace(self) -> bool:
@@ -167,18 +173,6 @@ class Run:
     def name(self, output: Path) -> str:
         """The output's path below the folder, as it stands in the journal."""
         return Path(os.path.relpath(output, self.folder)).as_posix()
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileRun(Run):
-    """A run whose files are written one by one, see `kept`.
-
-    made_by: digest of all settings that change them. outputs: of all jobs of the run, of which some
-    may not have been made yet.
-    """
-
-    made_by: str
-    outputs: frozenset[Path] = frozenset()
 
     def key(self, output: Path, source_digest: str) -> str:
         """Digest of everything that a file depends on."""
@@ -208,7 +202,7 @@ class Order(Run):
     """
 
     no_matter: ClassVar[frozenset[str]] = frozenset(
-        {"folder", "run", "max_pixels", "resume", "overwrite", "dry_run"}
+        {"folder", "run", "max_pixels", "resume", "overwrite", "dry_run", "made_by", "outputs"}
     )
 
     kind: PictureKind
@@ -280,10 +274,6 @@ class Order(Run):
 
         fields = {name: value for name, value in asdict(self).items() if name not in self.no_matter}
         return key(algorithm=ALGORITHM, settings=asdict(self.settings), **fields)
-
-
-Noted = Order | FileRun
-"""A run that notes its results in the journal."""
 
 
 def attempt(order: Order, memory: int, workers: int, job: Job, listener: StageProgress) -> Outcome:
@@ -412,7 +402,7 @@ def _whitened(
     listener.stage("writing", 1)
 
 
-def do_kept(run: FileRun, jobs: list[Job], work: Writing, console: Console, **settings: Any) -> int:
+def do_kept(run: Run, jobs: list[Job], work: Writing, console: Console, **settings: Any) -> int:
     """Do jobs as `run_jobs` does, each as `kept` says; returns the exit code.
 
     settings: of `run_jobs`.
@@ -422,7 +412,7 @@ def do_kept(run: FileRun, jobs: list[Job], work: Writing, console: Console, **se
     return run_jobs(jobs, do, console, overwrite=run.may_replace, **settings)
 
 
-def kept(run: FileRun, work: Writing, job: Job, listener: StageProgress) -> Outcome:
+def kept(run: Run, work: Writing, job: Job, listener: StageProgress) -> Outcome:
     """Do a job, unless its files are all up to date; what is written is noted in the journal."""
     with _in_turn(run, job):
         source = _digest(job) or key(drawn=job.source)
@@ -449,10 +439,10 @@ def kept(run: FileRun, work: Writing, job: Job, listener: StageProgress) -> Outc
         return outcome
 
 
-def _note_in_journal(order: Noted, job: Job, output: Path, source: str, whole: Path) -> None:
-    made = order.name(output), digest(whole) or "", order.key(output, source)
+def _note_in_journal(run: Run, job: Job, output: Path, source: str, whole: Path) -> None:
+    made = run.name(output), digest(whole) or "", run.key(output, source)
     path = os.path.abspath(job.source)  # noqa: PTH100 (without following links)
-    order.journal.append(Entry(*made, order.run, path, source))
+    run.journal.append(Entry(*made, run.run, path, source))
 
 
 def _note_stamp(order: Order, output: Path, stamp: str) -> None:
@@ -485,25 +475,25 @@ class _Existing(NamedTuple):
     changed: bool = False
 
 
-def _existing(order: Noted, job: Job, output: Path, source: str | None) -> _Existing:
+def _existing(run: Run, job: Job, output: Path, source: str | None) -> _Existing:
     """Look up what exists under the name of the output. Raises OutputError for a file that must
     stay.
     """
     if file_status(output) is None:
-        return _Existing(replace=order.overwrite)
-    entries = order.journal.of(order.name(output))
+        return _Existing(replace=run.overwrite)
+    entries = run.journal.of(run.name(output))
     last = entries[-1] if entries else None
     # by a process that died before it could say so
-    of_this_run = last is not None and last.run == order.run
-    if not (order.resume or of_this_run):
-        if not order.overwrite:
+    of_this_run = last is not None and last.run == run.run
+    if not (run.resume or of_this_run):
+        if not run.overwrite:
             refuse_existing([output])
         return _Existing(replace=True)
     current = digest(output)
-    up_to_date = current, order.key(output, source or "")
+    up_to_date = current, run.key(output, source or "")
     if last and source and (last.digest, last.key) == up_to_date:
         return _Existing("made" if of_this_run else "current", True)
-    if order.overwrite:
+    if run.overwrite:
         return _Existing(replace=True)
     if not last:
         reason = "exists already, and no run noted that it made it; `overwrite=True` replaces it"

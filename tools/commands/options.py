@@ -17,7 +17,7 @@ from ..batch.chosen_white import WhiteBalance
 from ..batch.jobs import output_folder
 from ..batch.journal import key
 from ..batch.memory import parse_bytes
-from ..batch.order import FileRun
+from ..batch.order import Run
 from ..io.formats import FORMATS, OTHER_NAMES
 from ..io.kind import PictureKind
 from ..io.versions import program_version
@@ -167,12 +167,12 @@ def add_file_run(parser: argparse.ArgumentParser, what: str) -> None:
     add(parser, "jobs", default=1, help=f"{what} at a time (default: 1)")
 
 
-def file_run(arguments: argparse.Namespace, folder: Path, **read: object) -> FileRun:
+def file_run(arguments: argparse.Namespace, folder: Path, **read: object) -> Run:
     """The run that the options describe. read: what is in the files that they name."""
     of_files = {name: value for name, value in vars(arguments).items() if name not in _OF_A_RUN}
     made_by = key(program=program_version(), **of_files | read)
     chosen = {name: getattr(arguments, name) for name in _CHOSEN}
-    return FileRun(folder=folder, made_by=made_by, **chosen)
+    return Run(folder=folder, made_by=made_by, **chosen)
 
 
 def pixel_limit() -> int:

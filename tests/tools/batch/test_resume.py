@@ -26,7 +26,7 @@ from panchroma.tools.batch.burst_files import BurstOrder
 from panchroma.tools.batch.chosen_white import WhiteBalance
 from panchroma.tools.batch.jobs import Job, planned
 from panchroma.tools.batch.journal import NAME, Entry, Journal, digest, output_lock
-from panchroma.tools.batch.order import FileRun, Order
+from panchroma.tools.batch.order import Order, Run
 from panchroma.tools.batch.progress import StageProgress
 from panchroma.tools.io.kind import PictureKind
 from tests.tools.batch.examples import save_shot
@@ -328,7 +328,7 @@ def test_two_that_make_files_share_a_folder(out: Path) -> None:
         return planned(job)
 
     def made(name: str) -> str:
-        run = FileRun(folder=out, run=name, made_by="", resume=True)
+        run = Run(folder=out, run=name, made_by="", resume=True)
         job = Job("builtin:24x18", (out / "sub" / "a.dng",))
         return attempt.kept(run, work, job, StageProgress()).state
 
@@ -353,7 +353,8 @@ KIND, BALANCE = PictureKind("jpg", 8, "srgb", 90), WhiteBalance("", (1.0, 2.0, 1
 WHOLE: dict[str, Any] = {"folder": Path("out"), "preset": "best", "exposure": 0.5, "run": "1"}
 WHOLE |= {"kind": KIND, "camera": CAMERA, "white": BALANCE}
 ORDERS = [Order(**WHOLE), BurstOrder(**WHOLE, reference=1, shifts=((0.0, 0.0), (1.0, 0.0)))]
-LIMITS = {"folder", "run", "resume", "overwrite", "dry_run"}  # in which nothing of a picture shows
+# In which nothing of a picture shows.
+LIMITS = {"folder", "run", "resume", "overwrite", "dry_run", "made_by", "outputs"}
 NO_MATTER = {Order: LIMITS | {"max_pixels"}, BurstOrder: LIMITS}
 
 
