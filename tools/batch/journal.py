@@ -13,7 +13,6 @@ import fcntl
 import hashlib
 import json
 import os
-import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
@@ -159,7 +158,7 @@ def key(**facts: Any) -> str:
 def digest(path: Path | str) -> str | None:
     """SHA-256 of a file; None when it is not a file or cannot be read."""
     with suppress(OSError, ValueError):
-        if stat.S_ISREG(os.stat(path).st_mode):  # noqa: PTH116 (a pipe would never end; Path takes no impossible names)
+        if Path(path).is_file():  # a pipe would never end
             with Path(path).open("rb") as file:
                 return hashlib.file_digest(file, "sha256").hexdigest()
     return None

@@ -9,7 +9,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, lru_cache, partial
-from operator import attrgetter
 from pathlib import Path
 from secrets import token_hex
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -522,5 +521,5 @@ def _stamp(files: Iterable[str | Path]) -> str:
     """Digest of the size of each file and of the times at which it was modified and changed:
     programs that edit a file may set the former back, and none can set the latter.
     """
-    facts = attrgetter("st_size", "st_mtime_ns", "st_ctime_ns")
-    return key(files=[status and facts(status) for status in map(file_status, files)])
+    found = map(file_status, files)
+    return key(files=[one and (one.st_size, one.st_mtime_ns, one.st_ctime_ns) for one in found])

@@ -1,6 +1,5 @@
 """Render a list of shots, in one process or several."""
 
-import heapq
 import random
 from contextlib import ExitStack
 from functools import lru_cache, partial
@@ -91,7 +90,7 @@ def _largest_need(order: Order, shots: list[Job]) -> int:
     pixels, or nearly.
     """
     sizes = {shot.source: status.st_size for shot in shots if (status := file_status(shot.source))}
-    for source in heapq.nlargest(_MEASURED_SHOTS, sizes, sizes.__getitem__):
+    for source in sorted(sizes, key=sizes.__getitem__, reverse=True)[:_MEASURED_SHOTS]:
         try:
             return needed_memory(order.read(source), order.kind, order.settings)
         except (PanchromaError, MemoryError):

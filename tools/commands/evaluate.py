@@ -9,7 +9,6 @@ adds to a finished one: of another method or noise level only its own results ar
 """
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 
 from ...shared.errors import InputError
@@ -90,7 +89,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     own = [source.rpartition(":")[0] or source for _, source in study.sources]
     missing = [without_folders(line, [*arguments.scenes, *own]) for line in failures]
     stated = {name: value for name, value in vars(arguments).items() if value}
-    contents: tuple[Callable[[], bytes], ...] = (
+    contents = (
         lambda: build_page(figures, render_crops(figures, team), program, missing),
         lambda: encode_json(figures, program, failures, stated),
         lambda: encode_csv(figures),
