@@ -13,8 +13,7 @@ from .progress import Note, StageProgress
 
 _PROCESS_BYTES = 400 * 2**20  # of a process that compiles, with the libraries
 _REMEDY = "close other programs, or let the first render compile"
-_AGAIN = "if it comes again: panchroma doctor"
-_TIME = f"it takes about half a minute, once ({_AGAIN})"
+_TIME = "it takes about half a minute, once (if it comes again: panchroma doctor)"
 _COMPILING = f"compiling the renderer for this processor; {_TIME}"
 
 

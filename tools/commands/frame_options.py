@@ -3,7 +3,6 @@
 import argparse
 import signal
 import sys
-from collections.abc import Iterable
 from dataclasses import fields
 from functools import partial
 from typing import Any
@@ -13,9 +12,6 @@ from ..batch.signals import Terminated
 from ..capture.frame_source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
 from ..capture.genicam import GENICAM, connected
 from .options import add, amount, camera_of, factor, value
-
-LAYOUT = ("width", "height", "pixel_format", "stride")
-"""Fields of `SourceOptions` that the options of `add_layout` set."""
 
 
 def _width_and_height(text: str) -> tuple[int, int]:
@@ -82,9 +78,10 @@ def add_layout(parser: argparse.ArgumentParser, title: str) -> argparse._Argumen
     return frames
 
 
-def options_of(arguments: argparse.Namespace, names: Iterable[str], source: str) -> SourceOptions:
-    """Return the description of a source with these of its fields as the options set them."""
+def options_of(arguments: argparse.Namespace, source: str) -> SourceOptions:
+    """Return the description of a source, as far as the options of a command set its fields."""
     settings = {**vars(arguments), "width": arguments.size[0], "height": arguments.size[1]}
+    names = {field.name for field in fields(SourceOptions)[1:]} & settings.keys()
     return SourceOptions(source, **{name: settings[name] for name in names})
 
 
@@ -93,10 +90,8 @@ def source_of(arguments: argparse.Namespace) -> FrameSource:
 
     Raises InputError if there is none.
     """
-    names = (field.name for field in fields(SourceOptions)[1:])
-    options = options_of(arguments, names, arguments.source)
     try:
-        return open_source(options, partial(camera_of, arguments))
+        return open_source(options_of(arguments, arguments.source), partial(camera_of, arguments))
     except Terminated as ended:  # the usual way to stop a service, which has no frame yet
         if ended.code == 128 + signal.SIGTERM:
             sys.exit(0)

@@ -27,7 +27,7 @@ from ..capture.layouts import first_frame, likely_reading
 from ..io.camera_raw import NO_RAW
 from ..io.illustrations import tile_map
 from ..simulation.load import sensor_samples
-from .frame_options import LAYOUT, add_layout, options_of
+from .frame_options import add_layout, options_of
 from .options import add, pixel_limit
 
 USAGE = "FILE ..."
@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Identify the pattern of each file; returns the exit code."""
 
     def work(job: Job, _: object) -> Outcome:
-        options = options_of(arguments, LAYOUT, job.source)
+        options = options_of(arguments, job.source)
         described = options != SourceOptions(job.source) or job.source == STREAM
         hint = "size, format or stride may be another" if described else ""
         data, layout = first_frame(options) if described else (b"", None)

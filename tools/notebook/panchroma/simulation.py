@@ -190,16 +190,14 @@ def _scene(source: Any, requested: str, bands: str | None, linear: bool, max_pix
         raise
     except ValueError:  # rows of different lengths
         array = np.array(None)
-    if bands is not None and (PANCHROMATIC in bands or len({*bands}) < len(bands)):
+    if bands is None:
+        return picture_scene(decode_array(array, requested), "array", linear=linear)
+    if PANCHROMATIC in bands or len({*bands}) < len(bands):
         reason = "each channel has a letter of its own, and W is what all see together"
         raise InputError(f"`bands` is {bands!r}; {reason}")
-    if bands is not None and array.shape[2:] != (len(bands),):
+    if array.shape[2:] != (len(bands),):
         shape = f"(rows, columns, {len(bands)})"
         stated = f"`bands` is {bands!r}, but the array has shape {array.shape}"
         raise InputError(f"{stated}; expected {shape}")
-    if bands is None:
-        decoded = decode_array(array, requested)
-    else:
-        peak = np.iinfo(array.dtype).max if array.dtype.kind == "u" else None
-        decoded = Decoded(array, peak, channels=bands)
-    return picture_scene(decoded, "array", linear=linear)
+    peak = np.iinfo(array.dtype).max if array.dtype.kind == "u" else None
+    return picture_scene(Decoded(array, peak, channels=bands), "array", linear=linear)
