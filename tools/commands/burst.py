@@ -17,7 +17,7 @@ from ..batch.console import Console
 from ..batch.folders import DNGS, search
 from ..batch.jobs import FAILED, Job
 from ..batch.run import render_all
-from .options import add, add_picture, add_run, numbers, order_fields
+from .options import add, add_pictures, numbers, order_fields
 
 USAGE = "SHOT ... -o DIR"
 EXAMPLE = "panchroma burst shots/20261127T101500.000Z-000001-*.dng -o pictures"
@@ -39,8 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     first = "nothing is aligned then, and the reference is the first shot by default"
     shifts = f"pixel shift: {place}: {each}; {first}"
     parser.add_argument("--shifts", metavar='"X,Y X,Y ..."', type=_shifts, default=(), help=shifts)
-    add_picture(parser, "best", "unlearned")
-    add_run(parser)
+    add_pictures(parser, "best", "unlearned")
     add(parser, "json")
 
 

@@ -90,9 +90,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         search.report(console)
     corners: Matrix | None = arguments.corners and tuple(arguments.corners)
     check_output(output, files, replace_existing=replace_existing)
-    folder = None if arguments.report is None else output_folder(arguments.report)
-    if folder is not None and not replace_existing:
-        refuse_existing((folder / "report.html",))
+    page = None if arguments.report is None else output_folder(arguments.report) / "report.html"
+    if page and not replace_existing:
+        refuse_existing((page,))
     known = arguments.chart, corners, arguments.sensor, old
     try:
         result = calibrated(console, files, *known, output=str(output))
@@ -109,11 +109,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         if change:
             console.say(change)
     code = _write(output, result, old, console, replace_existing)
-    if folder is not None:
-        path, make = folder / "report.html", partial(build_report, result)
-        if not write_report(path, make, console, overwrite=True):
+    if page:
+        if not write_report(page, partial(build_report, result), console, overwrite=True):
             return FAILED
-        console.say(f"{path}: {result.words}")
+        console.say(f"{page}: {result.words}")
     return code
 
 

@@ -198,9 +198,9 @@ def camera_of(
     return camera_and_pattern(arguments.camera, *filters, stated)
 
 
-def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
-    """Add the options of a picture, from --format to --preset, the first of which is the
-    default.
+def add_pictures(parser: argparse.ArgumentParser, *presets: str) -> argparse._ArgumentGroup:
+    """Add the options of pictures, from --format to --preset, the first of which is the default,
+    and those of their run, whose group is returned.
     """
     kinds = FORMATS.values()
     words = [", ".join(FORMATS)]
@@ -230,6 +230,9 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
     unlearned = "without the networks that correct luminance and colour"
     preset = f"best (the default); unlearned: {unlearned}{published}"
     group.add_argument("--preset", choices=presets, default=presets[0], help=preset)
+    group = parser.add_argument_group("the run")
+    add(group, "resume", "overwrite", "dry-run", "max-memory")
+    return group
 
 
 def _balance(text: str) -> str | tuple[float, ...]:
@@ -240,13 +243,6 @@ def _format(name: str) -> str:
     """The key of a format, however a user writes it: PNG, .png, tiff."""
     key = name.casefold().removeprefix(".")
     return OTHER_NAMES.get(key, key)
-
-
-def add_run(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
-    """Add the options of a run, and return their group."""
-    group = parser.add_argument_group("the run")
-    add(group, "resume", "overwrite", "dry-run", "max-memory")
-    return group
 
 
 def order_fields(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from ..batch.console import Console
 from ..batch.folders import DNGS, plan, search
 from ..batch.order import Order
 from ..batch.run import render_all
-from .options import add, add_picture, add_run, add_shots, order_fields
+from .options import add, add_pictures, add_shots, order_fields
 
 USAGE = "SHOT ... -o DIR"
 EXAMPLE = "panchroma render shots -o pictures -f jpg --exposure 0.5"
@@ -24,8 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma render`."""
     add_shots(parser)
     add(parser, "output", help="folder for STEM.EXT (subfolders are kept), created if missing")
-    add_picture(parser, "best", "unlearned", "paper")
-    group = add_run(parser)
+    group = add_pictures(parser, "best", "unlearned", "paper")
     jobs = "processes at a time (default: 1, or for many shots what cores and memory allow)"
     add(group, "jobs", help=jobs)
     add(parser, "json")
