@@ -12,8 +12,7 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import AbstractContextManager, contextmanager, suppress
 from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
@@ -146,7 +145,7 @@ def in_processes(
                     if end.exitcode == -signal.SIGKILL:
                         killed = "its process was killed, most likely for want of memory"
                     result = InputError(f"{killed}; {remedy}")
-                except BrokenProcessPool:  # as above
+                except BrokenExecutor:  # as above
                     waiting.appendleft(item)
                     continue
                 for text in notes:

@@ -2,7 +2,6 @@
 
 import argparse
 import signal
-import sys
 from dataclasses import fields
 from functools import partial
 from typing import Any
@@ -94,5 +93,5 @@ def source_of(arguments: argparse.Namespace) -> FrameSource:
         return open_source(options_of(arguments, arguments.source), partial(camera_of, arguments))
     except Terminated as ended:  # the usual way to stop a service, which has no frame yet
         if ended.code == 128 + signal.SIGTERM:
-            sys.exit(0)
+            raise SystemExit(0) from None
         raise
