@@ -259,7 +259,8 @@ def _contradictions(
 def _wrong_black(fit: GammaFit) -> str:
     """Return that shots contradict the black level, by how much, and what to do."""
     offset, error = fit.offset
-    span = fit.calibration.white_level - fit.calibration.black_level[-1]
+    calibration = fit.assumed.calibration
+    span = calibration.white_level - calibration.black_level[-1]
     # In common on all planes, it is off by so much; unless gamma adds up to about 1: then that does
     # not show.
     lever, estimate = 1 - float(fit.gamma.sum()), ""
@@ -280,7 +281,7 @@ def _wrong_black(fit: GammaFit) -> str:
 
 def _not_following(fit: GammaFit) -> str:
     """Return by how much Eq. 7 does not hold, and what that may be."""
-    letters = ", ".join(fit.calibration.channels)
+    letters = ", ".join(fit.assumed.calibration.channels)
     return (
         f"W does not follow from {letters}: the patches differ from Eq. 7 by "
         f"{100 * fit.unexplained:.1f} % beyond noise, and pictures suffer from "

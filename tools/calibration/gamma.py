@@ -26,7 +26,6 @@ of that change is an unknown of each channel, and gamma is stated without it: fo
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -87,16 +86,16 @@ class Assumed:
     ----------
     calibration : SensorCalibration
         With its black level.
-    dark : DarkResult | None, optional
+    dark : DarkResult | None
         Measurement of the black level by dark frames; None = there are none.
-    measured : Mapping[str, Mapping[str, Any]], optional
+    measured : Mapping[str, Any]
         Entries of the camera file that an earlier calibration has measured, as its camera file
-        describes them.
-    even : bool, optional
-        Whether these frames have measured shading, if only that there is none.
+        describes them; shading also if these frames have measured it, if only that there is none.
 
     Attributes
     ----------
+    calibration : SensorCalibration
+        The same.
     black : DoubleArray
         (C + 1,), black level, codes.
     black_measured : bool
@@ -109,66 +108,45 @@ class Assumed:
     """
 
     def __init__(
-        self,
-        calibration: SensorCalibration,
-        dark: DarkResult | None = None,
-        measured: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
-        *,
-        even: bool = False,
+        self, calibration: SensorCalibration, dark: DarkResult | None, measured: Mapping[str, Any]
     ) -> None:
+        self.calibration = calibration
         drift = _STEADY * 2.0 ** (calibration.bits - 12)
-        level = np.array(calibration.black_level)
         error = dark.black_error if dark else measured.get("black_level", {}).get("standard_error")
         self.black_measured = error is not None
-        self.black = np.maximum(_UNKNOWN_BLACK * level, 4 * drift)
+        self.black = np.maximum(_UNKNOWN_BLACK * np.array(calibration.black_level), 4 * drift)
         if error is not None:
             self.black = np.hypot(error, drift)
         self.colour, self.tilt = _UNKNOWN_COLOUR, _UNKNOWN_TILT
-        if even or calibration.shading or "shading" in measured:
+        if calibration.shading or "shading" in measured:
             self.colour = self.tilt = _KNOWN_COLOUR
 
-    def precision(
-        self, gamma: DoubleArray, calibration: SensorCalibration, *, offset: bool = True
-    ) -> DoubleArray:
+    def precision(self, gamma: DoubleArray, *, offset: bool = True) -> DoubleArray:
         """Return the inverse covariance of the unknowns, (P, P), in the order of `unknowns`.
 
         gamma: (C,), about. offset: whether the black level counts; False = nothing is assumed of
         it.
         """
         weights = np.append(np.abs(gamma), 1)
-        span = calibration.white_level - np.array(calibration.black_level)
+        span = self.calibration.white_level - np.array(self.calibration.black_level)
         # Planes may be off together or each by itself: as sums of squares or as a sum; the larger
         # is the safer one.
         errors = self.black / span * weights
         # In common, errors of the channels cancel that of the panchromatic plane in part.
         common = abs(errors[-1] - errors[:-1].sum())
-        at = named(len(gamma))
-        precision = np.zeros(at["light"].stop)
-        if offset:
-            precision[at["offset"]] = 1 / max(common, float(np.sqrt((errors**2).sum()))) ** 2
-        sides = {"bowl": self.colour, "rim": self.colour, "down": self.tilt, "right": self.tilt}
-        for name, side in {**sides, "light": 1.0}.items():
-            precision[at[name]] = (np.maximum(np.abs(gamma), 1e-3) * side) ** -2.0
-        return np.diag(precision)
-
-
-_OF_CHANNELS = "bowl", "rim", "down", "right", "light"
-
-
-def named(channels: int) -> dict[str, slice]:
-    """Return the places of the unknowns among all P, by name: gamma, offset, and shading of each
-    channel, in two shapes that are round, two that tilt, and that of flat frames, if it is in the
-    light.
-    """
-    names = ("gamma", "offset", *_OF_CHANNELS)
-    ends = np.cumsum([0, channels, 1, *[channels] * len(_OF_CHANNELS)]).tolist()
-    return dict(zip(names, map(slice, ends[:-1], ends[1:]), strict=True))
+        black = 1 / max(common, float(np.sqrt((errors**2).sum()))) ** 2 if offset else 0.0
+        sides = np.array([[self.colour], [self.colour], [self.tilt], [self.tilt], [1.0]])
+        shading = (np.maximum(np.abs(gamma), 1e-3) * sides) ** -2.0
+        return np.diag(np.concatenate([np.zeros(len(gamma)), [black], shading.ravel()]))
 
 
 def unknowns(
     colours: DoubleArray, places: DoubleArray, dimming: DoubleArray | float = 0.0
 ) -> DoubleArray:
-    """Return what each unknown adds to the panchromatic level at N places, (N, P), see `named`.
+    """Return what each unknown adds to the panchromatic level at N places, (N, P).
+
+    The unknowns are gamma, (C,), an offset, and shading of each channel, C each: in two shapes that
+    are round, two that tilt, and that of flat frames, if it is in the light.
 
     Parameters
     ----------
@@ -204,14 +182,10 @@ class GammaFit:
         (P,).
     assumed : Assumed
         How far black level and shading may be off.
-    calibration : SensorCalibration
-        Its levels; its gamma is not used.
     freedom : float
         Degrees of freedom of the covariance.
-    level : DoubleArray
-        (N,), measured panchromatic levels, parts of full scale.
     predicted : DoubleArray
-        (N,), levels that the fit predicts.
+        (N,), panchromatic levels that the fit predicts, parts of full scale.
     used : BoolArray
         (N,), False for places that were left out (clipped, outliers).
     condition : float
@@ -222,8 +196,8 @@ class GammaFit:
     where : DoubleArray
         (M, 2), places for whose mean gamma is stated, see `unknowns`: the middle of each chart.
     around : int
-        Number of areas around the chart among the N places; `level`, `predicted` and `used` are of
-        the patches alone.
+        Number of areas around the chart among the N places; `predicted` and `used` are of the
+        patches alone.
     unexplained : float
         Standard deviation of the panchromatic level from what Eq. 7 says, beyond noise, as a share.
     contradiction : float
@@ -240,9 +214,7 @@ class GammaFit:
     information: DoubleArray
     right_hand_side: DoubleArray
     assumed: Assumed
-    calibration: SensorCalibration
     freedom: float
-    level: DoubleArray
     predicted: DoubleArray
     used: BoolArray
     condition: float
@@ -259,11 +231,10 @@ class GammaFit:
         """Return the unknowns (P,) and their covariance (P, P), also by what is assumed; offset:
         see `Assumed.precision`.
         """
-        gamma = np.ones(len(self.calibration.channels))
+        gamma = np.ones(len(self.assumed.calibration.channels))
         solution, covariance = self.right_hand_side, self.information
         for _ in range(2):  # how much shading matters depends on gamma
-            prior = self.assumed.precision(gamma, self.calibration, offset=offset)
-            posterior = self.information + prior
+            posterior = self.information + self.assumed.precision(gamma, offset=offset)
             root = 1 / np.sqrt(np.maximum(np.diag(posterior), 1e-30))
             scale = np.outer(root, root)
             covariance = np.linalg.pinv(posterior * scale, hermitian=True) * scale
@@ -274,9 +245,9 @@ class GammaFit:
     @cached_property
     def _at_charts(self) -> tuple[DoubleArray, DoubleArray]:
         solution, covariance = self._solved()
-        one = np.eye(len(self.calibration.channels))
+        one = np.eye(len(self.assumed.calibration.channels))
         terms = np.mean([unknowns(one, place[None]) for place in self.where], axis=0)
-        terms[:, named(len(one))["offset"]] = 0.0  # it is no part of gamma
+        terms[:, len(one)] = 0.0  # the offset is no part of gamma
         return terms @ solution, terms @ covariance @ terms.T
 
     @property
@@ -297,9 +268,8 @@ class GammaFit:
         The error includes that of the black level only where dark frames have measured it.
         """
         solution, covariance = self._solved(offset=False)
-        at = named(len(self.calibration.channels))
-        place = at["offset"].start
-        prior = self.assumed.precision(solution[at["gamma"]], self.calibration)[place, place]
+        place = len(self.assumed.calibration.channels)
+        prior = self.assumed.precision(solution[:place])[place, place]
         black = self.assumed.black_measured / prior
         variance = max(covariance[place, place], 0.0) * self.widened + black
         return float(solution[place]), float(np.sqrt(variance))
@@ -343,12 +313,7 @@ class GammaFit:
 
 
 def fit_gamma(
-    places: PlaceSamples,
-    calibration: SensorCalibration,
-    assumed: Assumed | None = None,
-    patches: int | None = None,
-    *,
-    offset: bool = True,
+    places: PlaceSamples, assumed: Assumed, patches: int | None = None, *, offset: bool = True
 ) -> GammaFit:
     """Estimate gamma from the patches of one chart, for any number C of channels.
 
@@ -359,10 +324,8 @@ def fit_gamma(
     ----------
     places
         Statistics of the patches.
-    calibration
-        Of the shot; its levels are used.
     assumed
-        What may be off; None = nothing was measured, see `Assumed`.
+        What may be off.
     patches
         How many of the places are patches, the first ones; None = all. Others only add to what
         these tell.
@@ -370,7 +333,6 @@ def fit_gamma(
         Whether the black level that is assumed counts while outliers are sought. It does not if the
         patches contradict it: the dark ones, which tell how far it is off, would be left out.
     """
-    assumed = assumed or Assumed(calibration)
     channels = places.mean.shape[1] - 1
     level, colours = places.mean[:, -1], places.mean[:, :-1]
     exposed = places.exposed & (level > 0)
@@ -382,8 +344,8 @@ def fit_gamma(
     used, spread, freedom = exposed, 1.0, 1.0
     solution, believed = problem.start(used), np.zeros(0)
     for _ in range(_GAMMA_ROUNDS):
-        prior = assumed.precision(solution[:channels], calibration)
-        believed = assumed.precision(solution[:channels], calibration, offset=offset)
+        prior = assumed.precision(solution[:channels])
+        believed = assumed.precision(solution[:channels], offset=offset)
         solution = problem.solve(used, solution, believed, spread)
         information = problem.information(used, solution) / spread**2
         # the share of each unknown that the places determine
@@ -409,21 +371,19 @@ def fit_gamma(
         information=information,
         right_hand_side=(information + believed) @ solution,
         assumed=assumed,
-        calibration=calibration,
         freedom=freedom,
-        level=level[:patches],
         predicted=(problem.terms @ solution)[:patches],
         used=used[:patches],
         condition=condition,
         spread=float(np.sqrt((problem.scores(solution)[used] ** 2).sum() / freedom)),
         where=places.where[:patches].mean(axis=0, keepdims=True),
         around=len(level) - len(level[:patches]),
-        bend=problem.bend(exposed, solution[:channels], assumed, calibration),
+        bend=problem.bend(exposed, solution[:channels], assumed),
         unexplained=problem.unexplained,
         limit=_WORST_DERIVED if problem.unexplained > FOLLOWS else WORST_INTERVAL,
     )
     if offset and (abs(fit.black_deviation) > _REJECT or fit.spread > _HUBER):
-        return fit_gamma(places, calibration, assumed, patches, offset=False)
+        return fit_gamma(places, assumed, patches, offset=False)
     return fit
 
 
@@ -444,17 +404,13 @@ def with_surroundings(fit: GammaFit, chart: PlaceSamples, around: PlaceSamples) 
         of_chart = (chart.mean, chart.variance, chart.count)
         line = fit_photon_transfer(*(values[fit.used, plane] for values in of_chart))
         even &= around.variance[:, plane] <= _EVEN * line.variance(around.mean[:, plane])
-    wider = fit_gamma(chart.joined(around, even), fit.calibration, fit.assumed, len(chart.mean))
+    wider = fit_gamma(chart.joined(around, even), fit.assumed, len(chart.mean))
     agrees = (np.abs(wider.gamma - fit.gamma) <= fit.half_width).all()
     return wider if agrees and wider.worst <= _WORTHWHILE * fit.worst else fit
 
 
 def fit_with_derived(
-    places: PlaceSamples,
-    calibration: SensorCalibration,
-    derived: int,
-    expected: DoubleArray,
-    assumed: Assumed | None = None,
+    places: PlaceSamples, assumed: Assumed, derived: int, expected: DoubleArray
 ) -> tuple[GammaFit, PlaceSamples]:
     """Estimate gamma where one channel has no filter, and return the levels of that channel, too.
 
@@ -481,7 +437,7 @@ def fit_with_derived(
 
     for _ in range(2):
         error = _EXPECTED * (np.abs(expected) + _EXPECTED * expected.max())
-        fit = fit_gamma(with_levels(expected, error**2), calibration, assumed)
+        fit = fit_gamma(with_levels(expected, error**2), assumed)
         others = np.delete(fit.gamma, derived)
         unit = float(fit.gamma[derived] / others.mean())
         expected = expected * unit
@@ -551,15 +507,13 @@ class _Problem:
 
         return least_squares(residuals, start, x_scale="jac", xtol=1e-12, ftol=1e-12).x
 
-    def bend(
-        self, used: BoolArray, gamma: DoubleArray, assumed: Assumed, calibration: SensorCalibration
-    ) -> tuple[float, float]:
+    def bend(self, used: BoolArray, gamma: DoubleArray, assumed: Assumed) -> tuple[float, float]:
         """Return `GammaFit.bend`: l + bend l^2 for each l in Eq. 7, beside other unknowns."""
         column = self.level**2 - self.colours**2 @ gamma
         weight, solution = 1 / np.sqrt(_total(self.variance, gamma)), gamma
         chi2: list[float] = []
         for offset, more in ((True, 0.0), (False, 0.0), (True, 1.0)):
-            root = np.sqrt(assumed.precision(gamma, calibration, offset=offset))
+            root = np.sqrt(assumed.precision(gamma, offset=offset))
             terms = np.column_stack([self.terms, more * column]) * weight[:, None]
             rows = np.concatenate([terms[used], np.pad(root, ((0, 0), (0, 1)))])
             target = np.pad((self.level * weight)[used], (0, len(root)))

@@ -163,8 +163,8 @@ class Measurements:
 
         calibration: of a frame, None = that of the camera.
         """
-        even, calibration = self.shading is not None, calibration or self.calibration
-        return Assumed(calibration, self.dark, self.known, even=even)
+        shading = {} if self.shading is None else {"shading": self.shading}
+        return Assumed(calibration or self.calibration, self.dark, self.known | shading)
 
 
 def measure_chart(
@@ -195,16 +195,17 @@ def measure_chart(
         sensor = f"a sensor with the channels {mosaic.pattern.channels}"
         remedy = "calibrate it with dark and flat frames alone"
         raise InputError(f"{sensor} cannot tell the colours of a chart apart: {remedy}")
+    assumed = assumed or Assumed(mosaic.calibration, None, {})
     chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference)
     places, derived = patch_samples(mosaic, chart.measured()), mosaic.pattern.derived
     if derived is None:
-        fit = fit_gamma(places, mosaic.calibration, assumed)
+        fit = fit_gamma(places, assumed)
         if fit.worst > _REACHED and (areas := chart.around(mosaic.shape, mosaic.pattern.period)):
             fit = with_surroundings(fit, places, patch_samples(mosaic, areas))
     else:
         measured, letter = np.delete(places.mean, derived, axis=1), mosaic.pattern.channels[derived]
         expected = expected_levels(measured, reference, chart.centres, letter)
-        fit, places = fit_with_derived(places, mosaic.calibration, derived, expected, assumed)
+        fit, places = fit_with_derived(places, assumed, derived, expected)
     check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
     return ShotMeasurement(name, fit, chart, places, overlay(mosaic, chart))
 

@@ -64,10 +64,11 @@ def _plot_residuals(result: Result, axes: "Axes") -> None:
     left out are crosses.
     """
     colours = np.array(_css_colours(xyz_to_lab(result.measured.chart_colours)))
-    for fit in (shot.fit for shot in result.measured.shots):
-        percent = 100 * (fit.predicted / np.maximum(fit.level, 1e-9) - 1)
+    for shot in result.measured.shots:
+        fit, level = shot.fit, shot.places.mean[:, -1]
+        percent = 100 * (fit.predicted / np.maximum(level, 1e-9) - 1)
         for here, marker in ((fit.used, "o"), (~fit.used, "X")):
-            x, y, fill = fit.level[here], percent[here], colours[here]
+            x, y, fill = level[here], percent[here], colours[here]
             axes.scatter(x, y, s=38, c=fill, marker=marker, edgecolors=_EDGE, linewidths=0.6)
     axes.axhline(0, color="#6b6b64", linestyle="--", linewidth=1)
     axes.set(xlabel="measured, part of full scale", ylabel="predicted - measured, %")

@@ -57,8 +57,8 @@ def of_chart(samples: PlaceSamples) -> GammaFit:
     letters = "RGBCMY"[: samples.mean.shape[1] - 1]
     says = BLIND if letters == "RGB" else SensorCalibration.of_bits(12, channels=letters)
     errors = [0.01] * (len(letters) + 1)
-    known = {"black_level": {"standard_error": errors}}
-    return fit_gamma(samples, says, Assumed(says, measured=known, even=True))
+    known = {"black_level": {"standard_error": errors}, "shading": {}}
+    return fit_gamma(samples, Assumed(says, None, known))
 
 
 def on_chart(mosaic: Mosaic) -> PlaceSamples:
@@ -146,7 +146,7 @@ def test_even_areas_around_a_small_chart_in_a_photograph_halve_the_interval_of_g
     assert np.abs(fit.gamma - 1).max() < 0.014
     assert fit.worst < 0.026
     assert fit.around > 100
-    assert len(fit.used) == len(fit.level) == len(shot.places.mean) == 24
+    assert len(fit.used) == len(fit.predicted) == len(shot.places.mean) == 24
 
 
 @pytest.mark.parametrize("seed", range(4))
