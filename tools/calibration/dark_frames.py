@@ -140,10 +140,11 @@ def measure_dark(frames: Sequence[Mosaic], names: Sequence[str] = ()) -> DarkRes
         alike = 1 + (np.bincount(row).max() - 1) * common**2  # samples that count as one
         independent = good.sum() * max(len(frames) - 1, 1) / alike
         read_error[plane] = variance / (max(read[plane], hidden) * np.sqrt(2 * max(independent, 1)))
-    _check_light(first, mean, black, np.hypot(read, rounding**0.5), len(frames), step)
     defects = tuple((row, column) for row, column in np.argwhere(defect).tolist())
     measured = black, error, read, read_error, defects, common * variance, step
-    return DarkResult(len(frames), *measured)
+    result = DarkResult(len(frames), *measured)
+    _check_light(first, mean, result)
+    return result
 
 
 def _in_common(samples: DoubleArray, rows: IndexArray) -> float:
@@ -178,30 +179,23 @@ def _check_alike(samples: DoubleArray, names: Sequence[str], step: int) -> None:
             raise InputError(f"dark frames: {fault}; take all in the same way")
 
 
-def _check_light(
-    frame: Mosaic,
-    mean: DoubleArray,
-    black: DoubleArray,
-    noise: DoubleArray,
-    frames: int,
-    step: int,
-) -> None:
+def _check_light(frame: Mosaic, mean: DoubleArray, dark: DarkResult) -> None:
     """Raise InputError if light has fallen on dark frames: in all of the sensor, or in some of
     it.
 
-    frame: one of them; mean: (H, W), of all, codes; black, noise: (C + 1,), of each plane, codes;
-    step: between codes.
+    frame: one of them; mean: (H, W), of all, codes; dark: what they show.
 
     Panchromatic samples collect the light of all channels, so light lifts them above the others,
     and light has shot noise: the planes' variances rise along a line over their levels. Heat lifts
     all planes alike, and an electronic offset has no noise.
     """
     letters, planes = frame.pattern.planes, places.planes_of(frame, defects=True)
-    limit = max(_LEAK * frame.calibration.white_level, _LEAST_LEAK * step)
+    black, noise = dark.black, np.hypot(dark.read, (ROUNDING * dark.step**2) ** 0.5)
+    limit = max(_LEAK * frame.calibration.white_level, _LEAST_LEAK * dark.step)
     lift = black - black[:-1].min()
     variance = noise**2
     slope = float(np.polyfit(lift, variance, 1)[0]) if np.ptp(lift) > 0 else 0.0
-    samples = max(float(np.bincount(planes.ravel()).min()) * frames, 1.0)
+    samples = max(float(np.bincount(planes.ravel()).min()) * dark.frames, 1.0)
     sure = variance.mean() * np.sqrt(2 / samples)
     agrees = slope * np.ptp(lift) > 4 * sure and float(np.corrcoef(lift, variance)[0, 1]) > _IN_LINE
     if np.ptp(black) > limit and black[-1] - black[:-1].mean() > limit / 2 and agrees:
@@ -220,7 +214,7 @@ def _check_light(
     usual = float(np.median([above for above, _ in lifts]))
     most, (rows, columns) = max(lifts, key=lambda window: window[0])
     clip = places.CLIP * float(noise.max())
-    if most - usual > max(limit, clip / np.sqrt(frames * places.LEAST_SAMPLES)):
+    if most - usual > max(limit, clip / np.sqrt(dark.frames * places.LEAST_SAMPLES)):
         place = f"row {(rows.start + rows.stop) // 2}, column {(columns.start + columns.stop) // 2}"
         above = f"W is {most - usual:.1f} codes further above the other filters there"
         fault = f"light fell in around {place}: {above} than elsewhere"

@@ -253,10 +253,7 @@ def measure_flats(named: Sequence[Named], dark: DarkResult | None = None) -> Fla
 
 
 def noise_of_flats(
-    flats: FlatResult,
-    calibration: SensorCalibration,
-    dark: DarkResult | None,
-    black_error: DoubleArray | None = None,
+    flats: FlatResult, calibration: SensorCalibration, dark: DarkResult | None, black: DoubleArray
 ) -> NoiseResult:
     """Fit the noise of flat frames: a line per plane, after subtracting the variance that rounding
     to codes adds.
@@ -269,8 +266,8 @@ def noise_of_flats(
         Its black and white level are those of the frames.
     dark : DarkResult | None
         Measurements of dark frames; None = the read noise is the intercept of the fit.
-    black_error : DoubleArray | None, optional
-        (C + 1,), standard error of the black level, codes; None = it is exact.
+    black : DoubleArray
+        (C + 1,), standard error of the black level, codes.
     """
     points, span = flats.points, calibration.white_level - np.array(calibration.black_level)
     rounding = ROUNDING * (flats.step / span) ** 2
@@ -282,10 +279,9 @@ def noise_of_flats(
         mean, variance = points.mean[:, plane], points.variance[:, plane]
         line = fit_photon_transfer(mean, variance, points.count[:, plane], read)
         # Black that is off stretches the levels, and moves the line's intercept.
-        moved = 0.0 if black_error is None else line.shot * float(black_error[plane] / full)
-        if known is None:
-            read_error = math.hypot(line.read_error, moved / max(line.read, moved**0.5, 1e-12))
-        else:
+        moved = line.shot * float(black[plane] / full)
+        read_error = math.hypot(line.read_error, moved / max(line.read, moved**0.5, 1e-12))
+        if known is not None:
             read_error = float(known.read_error[plane] / full)
         shot_error = math.hypot(line.shot_error, moved)
         lines.append(replace(line, shot_error=shot_error, read_error=read_error))

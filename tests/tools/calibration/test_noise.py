@@ -23,6 +23,7 @@ from tests.tools.calibration.known_camera import BLIND, NOISE, REFERENCE, TRUTH,
 
 SHAPE = (240, 360)
 FULL = sum(TRUTH.gamma)
+EXACT = np.zeros(4)  # standard error of a black level
 FALLING = (1 - 0.3 * np.linspace(0, 1, SHAPE[1]))[None, :, None] * np.ones((SHAPE[0], 1, 3))
 
 DEAD = np.zeros(SHAPE, bool)
@@ -89,7 +90,7 @@ def test_flats_alone_say_how_little_they_know_of_read_noise() -> None:
     """
     frames = flats(0.02, 0.3, 0.8)
     seen = of_flats(frames)
-    noise = noise_of_flats(seen, BLIND, None)
+    noise = noise_of_flats(seen, BLIND, None, EXACT)
     read, error = np.array([(line.read, line.read_error) for line in noise.lines]).T
     true = np.array(NOISE.read) / FULL
     assert (np.abs(read - true) < 4 * error).all()
@@ -118,8 +119,8 @@ def test_one_exposure_is_enough_only_with_dark_frames() -> None:
         seen = of_flats(pair)
         said = r"1 pair of flat frames tell the noise at full scale only to ±.*several exposures"
         with pytest.raises(InputError, match=said):
-            noise_of_flats(seen, BLIND, None)
-        shot = noise_of_flats(seen, BLIND, measure_dark(darks(4))).model(FULL).shot
+            noise_of_flats(seen, BLIND, None, EXACT)
+        shot = noise_of_flats(seen, BLIND, measure_dark(darks(4)), EXACT).model(FULL).shot
         np.testing.assert_allclose(shot, NOISE.shot, rtol=0.1)
 
 
@@ -136,7 +137,7 @@ def test_codes_too_coarse_for_the_read_noise_leave_it_unknown() -> None:
     assert (dark.black_error > 0.2).all()
     seen = of_flats(flats(0.02, 0.3, 0.8))
     # From the flat frames.
-    assert max(line.read_error for line in noise_of_flats(seen, BLIND, dark).lines) > 0
+    assert max(line.read_error for line in noise_of_flats(seen, BLIND, dark, EXACT).lines) > 0
     assert "use more gain or more bits" in " ".join(concluded(frames[0], dark).warnings)
 
 
@@ -156,7 +157,7 @@ def test_codes_that_were_shifted_to_more_bits_show_the_same_noise() -> None:
 
     lit, found = flats(0.02, 0.3, 0.8), []
     for frames, says in ((lit, BLIND), (shifted(lit), wide)):
-        lines = noise_of_flats(of_flats(frames), says, None).lines
+        lines = noise_of_flats(of_flats(frames), says, None, EXACT).lines
         found.append([(line.shot, line.read) for line in lines])
     np.testing.assert_allclose(found[0], found[1], rtol=1e-6)
     quiet = [edited(each, lambda codes: np.median(codes) + (codes > 258)) for each in darks(3)]
@@ -263,7 +264,7 @@ def test_light_that_flickers_is_told_and_passes_for_no_noise(amplitude: float, p
     assert len(seen.flicker) >= 2
     said = "([ab] and [ab]|[cd] and [cd]|[ef] and [ef]): the light flickers, rows differ by"
     assert all(re.match(said, line) for line in seen.flicker)
-    noise = noise_of_flats(seen, BLIND, dark)
+    noise = noise_of_flats(seen, BLIND, dark, EXACT)
     for line, shot in zip(noise.lines, NOISE.shot, strict=True):
         assert abs(line.shot * FULL - shot) < 3.5 * line.shot_error * FULL
     with pytest.raises(InputError, match=r"light flickers.*or add dark frames \(`dark`\)"):
