@@ -87,15 +87,14 @@ class _Windows(NamedTuple):
     """Light in the windows of a frame that have samples of all planes; per plane and window.
 
     number: rows and columns of windows, these and others.
-    row, column: (P, N), the middle of the plane's samples, pixels.
+    middle: (2, P, N), row and column of the middle of the plane's samples, pixels.
     gain: (P, N), by which its light was multiplied.
     light: (P, N), mean after that.
     error: (P, N), standard error of the mean.
     """
 
     number: tuple[int, int]
-    row: DoubleArray
-    column: DoubleArray
+    middle: DoubleArray
     gain: DoubleArray
     light: DoubleArray
     error: DoubleArray
@@ -225,8 +224,8 @@ def _measured(light: DoubleArray, frame: Mosaic, shading: Shading) -> _Windows:
             middle = window[0].start + rows.mean(), window[1].start + columns.mean()
             undone = gain[window][rows, columns].mean()
             measured[:, plane, number] = *middle, undone, mean, error
-    known = np.isfinite(measured).all(axis=(0, 1))
-    return _Windows((down, right), *measured[:, :, known])
+    known = measured[:, :, np.isfinite(measured).all(axis=(0, 1))]
+    return _Windows((down, right), known[:2], *known[2:])
 
 
 def _refined(shading: Shading, windows: _Windows) -> tuple[Shading, float]:
@@ -239,7 +238,7 @@ def _refined(shading: Shading, windows: _Windows) -> tuple[Shading, float]:
     full, low = (tuple(np.minimum(most, enough).tolist()) for most in (_POINTS, _COLOUR_POINTS))
     missing, errors = windows.gain / windows.light, windows.error / windows.light
     size = shading.size
-    design = _design(size, full, windows.row[-1], windows.column[-1])
+    design = _design(size, full, windows.middle[:, -1])
     panchromatic, error = _spline(design, full, missing[-1], errors[-1], _ROUGH)
     # Where a colour's samples are in the windows, and how the product of two splines becomes one.
     places = [np.linspace(0, size[axis] - 1, 4 * full[axis]) for axis in (0, 1)]
@@ -247,9 +246,9 @@ def _refined(shading: Shading, windows: _Windows) -> tuple[Shading, float]:
     of_colour, at = (basis(size[axis], low[axis], places[axis]) for axis in (0, 1))
     gains = []
     for plane in range(len(missing) - 1):
-        middles = windows.row[plane], windows.column[plane]
-        target = missing[plane] / _values(panchromatic, size, *middles)
-        design = _design(size, low, *middles)
+        middle = windows.middle[:, plane]
+        target = missing[plane] / _values(panchromatic, size, middle)
+        design = _design(size, low, middle)
         relative, own = _spline(design, low, target, errors[plane], _COLOUR_ROUGH)
         error = max(error, own)
         gain = (down @ panchromatic @ right.T) * (of_colour @ relative @ at.T)
@@ -259,8 +258,8 @@ def _refined(shading: Shading, windows: _Windows) -> tuple[Shading, float]:
         fault = f"they are too dark, and tell the shading only to {known}"
         remedy = "expose more, up to three quarters of full scale, or take more"
         raise InputError(f"flat frames: {fault}; {remedy}")
-    middle = [np.array([(length - 1) / 2]) for length in size]
-    scaled = [(gain / _values(gain, size, *middle)[0]).tolist() for gain in (*gains, panchromatic)]
+    centre = np.array([[(length - 1) / 2] for length in size])
+    scaled = [(gain / _values(gain, size, centre)[0]).tolist() for gain in (*gains, panchromatic)]
     rounded = [[[float(f"{x:.{_DIGITS}g}") for x in row] for row in gain] for gain in scaled]
     return replace(shading, gain=rounded), error  # type: ignore[arg-type]
 
@@ -286,17 +285,17 @@ def _spline(
     return control_points.reshape(points), float(variance.max() ** 0.5)
 
 
-def _design(size: Size, points: Size, rows: DoubleArray, columns: DoubleArray) -> DoubleArray:
-    """Return the weights of all control points at N places, (N, points)."""
-    down, right = map(basis, size, points, (rows, columns))
-    return (down[:, :, None] * right[:, None, :]).reshape(len(rows), -1)
+def _design(size: Size, points: Size, places: DoubleArray) -> DoubleArray:
+    """Return the weights of all control points at N places, (N, points); places: (2, N), row and
+    column.
+    """
+    down, right = map(basis, size, points, places)
+    return (down[:, :, None] * right[:, None, :]).reshape(len(down), -1)
 
 
-def _values(
-    points: DoubleArray, size: Size, rows: DoubleArray, columns: DoubleArray
-) -> DoubleArray:
-    """Return a spline's values at N places, (N,)."""
-    return _design(size, points.shape, rows, columns) @ points.ravel()
+def _values(points: DoubleArray, size: Size, places: DoubleArray) -> DoubleArray:
+    """Return a spline's values at N places, (N,); see `_design`."""
+    return _design(size, points.shape, places) @ points.ravel()
 
 
 def _check_light(windows: _Windows, shading: Shading, letters: str) -> None:
@@ -307,12 +306,15 @@ def _check_light(windows: _Windows, shading: Shading, letters: str) -> None:
     differs from side to side is uneven too, so that each is compared with all light.
     """
     size, half = shading.size, np.hypot(*shading.size) / 2
-    rows, columns = windows.row[-1], windows.column[-1]
+    rows, columns = windows.middle[:, -1]
     y, x = (rows - (size[0] - 1) / 2) / half, (columns - (size[1] - 1) / 2) / half
-    gains = [_values(np.array(points), size, rows, columns) for points in shading.gain]
+    gains = [_values(np.array(points), size, windows.middle[:, -1]) for points in shading.gain]
+    weights = windows.light / windows.error
+    levels = [np.log(gains[-1] / gain) for gain in gains[:-1]]
+    levels.append(np.log(windows.light / windows.gain)[-1])
 
     def fit_around(
-        centre: DoubleArray, level: DoubleArray, weight: DoubleArray, *more: DoubleArray
+        centre: DoubleArray, plane: int, *more: DoubleArray
     ) -> tuple[DoubleArray, DoubleArray]:
         """Fit what falls off around a centre; returns the residuals and the coefficients, those of
         `more` last.
@@ -320,28 +322,26 @@ def _check_light(windows: _Windows, shading: Shading, letters: str) -> None:
         down, right = y - centre[0], x - centre[1]
         square = down**2 + right**2
         terms = [np.ones_like(x), down**2, right**2, square**2, square**3, *more]
-        design = np.stack(terms, axis=1) * weight[:, None]
-        coefficients = np.linalg.lstsq(design, level * weight, rcond=None)[0].astype(np.float64)
-        return design @ coefficients - level * weight, coefficients
+        design = np.stack(terms, axis=1) * weights[plane][:, None]
+        target = levels[plane] * weights[plane]
+        coefficients = np.linalg.lstsq(design, target, rcond=None)[0].astype(np.float64)
+        return design @ coefficients - target, coefficients
 
-    def fit_tilt(
-        centre: DoubleArray, level: DoubleArray, weight: DoubleArray
-    ) -> tuple[float, str, float]:
+    def fit_tilt(centre: DoubleArray, plane: int) -> tuple[float, str, float]:
         """Return by how much one side is brighter, as a share, which side that is, and the sum of
         the squared residuals.
         """
-        residuals, coefficients = fit_around(centre, level, weight, y, x)
+        residuals, coefficients = fit_around(centre, plane, y, x)
         down, right = coefficients[-2:] * size / half
         side = "right" if right > 0 else "left"
         if abs(down) > abs(right):
             side = "bottom" if down > 0 else "top"
         return float(np.expm1(np.hypot(down, right))), side, float(np.square(residuals).sum())
 
-    level, weights = np.log(windows.light / windows.gain)[-1], windows.light / windows.error
-    tilt, side, squares = fit_tilt(np.zeros(2), level, weights[-1])
+    tilt, side, squares = fit_tilt(np.zeros(2), -1)
 
     def residuals_around(centre: DoubleArray) -> DoubleArray:
-        return fit_around(centre, level, weights[-1])[0]
+        return fit_around(centre, -1)[0]
 
     displaced = least_squares(residuals_around, np.zeros(2), bounds=(-1, 1), x_scale=0.1)
     away = float(np.hypot(*displaced.x)) / 2
@@ -353,9 +353,9 @@ def _check_light(windows: _Windows, shading: Shading, letters: str) -> None:
     tilts = {"": (0.0 if clearly else tilt, side)}
     # With little fall-off both centres are possible.
     centres = [np.zeros(2), displaced.x] if away <= _CENTRE else [np.zeros(2)]
-    for letter, gain, weight in zip(letters, gains[:-1], weights[:-1], strict=True):
-        coloured = [fit_tilt(centre, np.log(gains[-1] / gain), weight)[:2] for centre in centres]
-        tilts[f" in {letter}, compared with W"] = min(coloured)
+    for plane, letter in enumerate(letters):
+        key = f" in {letter}, compared with W"
+        tilts[key] = min(fit_tilt(centre, plane)[:2] for centre in centres)
     for which, (tilt, side) in tilts.items():
         if tilt > (limit := _TILT if which else _LIGHT_TILT):
             raise InputError(
