@@ -52,8 +52,6 @@ class ColourFit:
         (24,), relative illumination of each patch, mean 1.
     lab : DoubleArray
         (24, 3), L*a*b* of the patches after correction.
-    reference : DoubleArray
-        (24, 3), L*a*b* of the reference.
     used : BoolArray
         (24,), False for patches that were left out.
     """
@@ -65,7 +63,6 @@ class ColourFit:
     neutral: DoubleArray
     light: DoubleArray
     lab: DoubleArray
-    reference: DoubleArray
     used: BoolArray
 
     @property
@@ -79,7 +76,7 @@ class ColourFit:
         return self._differences(self.lab)
 
     def _differences(self, lab: DoubleArray) -> DoubleArray:
-        return np.ma.masked_array(delta_e_2000(lab, self.reference), ~self.used)
+        return np.ma.masked_array(delta_e_2000(lab, xyz_to_lab(self.colours)), ~self.used)
 
     @cached_property
     def left_out(self) -> DoubleArray:
@@ -108,9 +105,8 @@ def fit_colour(
     if not (camera[greys] > 0).all():
         raise InputError("colour: the grey patches have no light in some channel; expose more")
     matrix, neutral, light = _fit(camera, colours, centres, used.astype(float))
-    lab, reference = xyz_to_lab((camera / light[:, None]) @ matrix.T), xyz_to_lab(colours)
-    light = light / light.mean()
-    return ColourFit(camera, colours, centres, matrix, neutral, light, lab, reference, used)
+    lab, light = xyz_to_lab((camera / light[:, None]) @ matrix.T), light / light.mean()
+    return ColourFit(camera, colours, centres, matrix, neutral, light, lab, used)
 
 
 def light_change(one: ColourFit, other: ColourFit, lights: tuple[str, str]) -> float:

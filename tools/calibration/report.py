@@ -90,7 +90,7 @@ def _plot_transfer(noise: NoiseResult, planes: str, axes: "Axes") -> None:
 
 def _patches(fit: ColourFit) -> list[tuple[str, float, tuple[str, ...]]]:
     """Return of each patch its name, its dE2000, and its colours: measured, reference."""
-    stripes = zip(_css_colours(fit.lab), _css_colours(fit.reference), strict=True)
+    stripes = zip(_css_colours(fit.lab), _css_colours(xyz_to_lab(fit.colours)), strict=True)
     return list(zip(NAMES, fit.difference.tolist(), stripes, strict=True))
 
 
