@@ -118,8 +118,7 @@ def _pixels(corners: DoubleArray) -> Pixels:
     right, bottom = np.ceil(corners.max(axis=0)).astype(int)
     rows, columns = np.mgrid[top:bottom, left:right]
     x, y = columns + 0.5, rows + 0.5
-    sides = zip(corners.tolist(), np.roll(corners, -1, axis=0).tolist(), strict=True)
-    inside = np.ones(x.shape, bool)
-    for (x0, y0), (x1, y1) in sides:
-        inside &= (x1 - x0) * (y - y0) >= (y1 - y0) * (x - x0)
+    starts, ends = corners.T[..., None, None], np.roll(corners, -1, axis=0).T[..., None, None]
+    (x0, y0), (x1, y1) = starts, ends
+    inside = ((x1 - x0) * (y - y0) >= (y1 - y0) * (x - x0)).all(axis=0)
     return rows[inside], columns[inside]
