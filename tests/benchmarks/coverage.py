@@ -26,7 +26,7 @@ from panchroma.shared.errors import InputError
 from panchroma.tools.batch.console import Console
 from panchroma.tools.calibration.chart.place import ChartPlace
 from panchroma.tools.calibration.conclude import Result, conclude
-from panchroma.tools.calibration.measure import Session
+from panchroma.tools.calibration.measure import Measurements, Session
 from tests.benchmarks.harness import options
 from tests.tools.calibration.known_camera import PATTERNS, REFERENCE, chart, true_place
 
@@ -219,7 +219,7 @@ def calibrated(frames: Frames, kind: str) -> Result | None:
     can be used.
     """
     parts, console = set(kind.split("+")), Console(json=True, quiet=True)
-    session = Session(console, REFERENCE, read=frames.mosaics.__getitem__)
+    session = Session(console, Measurements(REFERENCE), None, frames.mosaics.__getitem__)
     if "dark" in parts:
         session.dark(frames.named("dark"))
     if parts & {"flat", "flat1"}:

@@ -1,19 +1,15 @@
 """From the frames of one camera to its camera file: what the command and Python do alike."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from datetime import UTC, datetime
 
-from ...shared import Camera, InputError, Mosaic, read_dng
+from ...shared import Camera, InputError
 from ...shared.colorimetry import Matrix
 from ...shared.lights import check_apart, illuminant_xy
-from ...shared.reading import File
-from ..batch.console import Console
 from ..io.versions import program_version
-from ..simulation.drawn.charts import color_checker_xyz
 from .conclude import Result, conclude
 from .files import KINDS, Files, check_same
 from .measure import Session
-from .reference import read_reference
 
 
 class NoCameraError(InputError):
@@ -42,21 +38,10 @@ def shots_by_light(named: Iterable[tuple[str, str]], old: Camera | None) -> dict
     return shots
 
 
-def calibrated(
-    console: Console,
-    files: Files,
-    chart: File | None = None,
-    corners: Matrix | None = None,
-    sensor: str | None = None,
-    old: Camera | None = None,
-    *,
-    output: str = "the camera file",
-    read: Callable[[str], Mosaic] = read_dng,
-) -> Result:
-    """Measure the frames, see `Session`, and conclude what camera they are from.
+def calibrated(session: Session, files: Files, corners: Matrix | None, output: str) -> Result:
+    """Measure the frames, see `Session.measure`, and conclude what camera they are from.
 
-    chart: a file with its colours, see `read_reference`. output: the name of the old camera file,
-    for messages.
+    output: the name of the old camera file, for messages.
 
     Raises InputError if there are no frames, or several shots for the corners of one chart, for
     frames of another camera than the old one, and NoCameraError where they do not show enough.
@@ -66,13 +51,12 @@ def calibrated(
     if corners and len(files["shots"]) != 1:
         number = f"{len(files['shots'])} shots are given"
         raise InputError(f"`corners` gives the place of the chart in one shot; {number}")
-    colours = color_checker_xyz() if chart is None else read_reference(chart)
-    measurements = Session(console, colours, sensor, old, read).measure(files, corners)
-    if old is not None and measurements.base is not None:
+    measurements = session.measure(files, corners)
+    if (old := measurements.old) is not None and measurements.base is not None:
         check_same(output, old, measurements.base)
     facts = measurements.dark, measurements.flats, measurements.shots, measurements.shading
     if measurements.base is None or not any(facts):
-        console.note(*measurements.remarks)
+        session.console.note(*measurements.remarks)
         raise NoCameraError("no frame could be used, and no camera file was written")
     is_known = bool(measurements.shots) or (old is not None and "gamma" in old.measured)
     if any(names for kind, names in files.items() if kind not in KINDS[1:]) and not is_known:

@@ -20,8 +20,7 @@ from ...shared.errors import InputError
 from ..batch.console import Console
 from ..batch.jobs import reason
 from ..io.page import without_folders
-from .chart.find import chart_at, find_chart
-from .chart.outlined import overlay
+from .chart.find import chart_at, find_chart, overlay
 from .chart.place import ChartPlace
 from .colour_matrix import FEWEST_CHANNELS, check_channel_order, expected_levels
 from .dark_frames import DarkResult, check_dark, measure_dark
@@ -39,6 +38,8 @@ _REACHED = 0.02
 
 _CHECKS = {"dark": check_dark, "flat": check_flat}
 R = TypeVar("R")
+Reader = Callable[[str], Mosaic]
+"""Reads a frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,31 +219,20 @@ class Session:
     ----------
     console
         For lines, records and progress.
-    chart_colours
-        XYZ (D50) of the chart, white = 1, (24, 3).
+    measured
+        Takes what is measured. Black level, shading and gamma of a camera file that is updated
+        count as known.
     sensor
         Name of the sensor; None = the name in the frames.
-    old
-        A camera file that is updated: its black level, shading and gamma count as known. None =
-        there is none.
     read
-        Reads a frame.
-
-    Attributes
-    ----------
-    measured
-        What was measured so far.
+        See `Reader`.
     """
 
     def __init__(
-        self,
-        console: Console,
-        chart_colours: DoubleArray,
-        sensor: str | None = None,
-        old: Camera | None = None,
-        read: Callable[[str], Mosaic] = read_dng,
+        self, console: Console, measured: Measurements, sensor: str | None, read: Reader = read_dng
     ) -> None:
-        self._console, self._sensor, self._read_file = console, sensor, read
+        self.console, self.measured = console, measured
+        self._sensor, self._read_file, old = sensor, read, measured.old
         # Fields of the calibration that count more than what a frame states.
         self._known: dict[str, Any] = {}
         self._defects = set(old.calibration.defects if old else ())
@@ -256,7 +246,6 @@ class Session:
         self._facts = dict[str, tuple[str, str]]()  # path of the first frame that states each
         # By the id of the camera file that a frame states: the first such frame, and its black.
         self._cameras: dict[str, tuple[str, tuple[float, ...]]] = {}
-        self.measured = Measurements(chart_colours, old=old)
 
     def measure(self, files: Files, corners: Matrix | None = None) -> Measurements:
         """Measure all frames, kind by kind.
@@ -285,13 +274,13 @@ class Session:
             self.measured.base = None
             self._facts.clear()
             return
-        self._console.say(dark.words)
+        self.console.say(dark.words)
         path, first = frames[0]
         stated = first.calibration
         far = np.abs(dark.black - stated.black_level).max() > _FAR * stated.white_level
         if far and "black_level" not in self._known:  # else frames have that of the camera file
             fault = "states another black level than the dark frames show"
-            self._console.note(f"{path} {fault}: {figures(stated.black_level)} codes")
+            self.console.note(f"{path} {fault}: {figures(stated.black_level)} codes")
         self._known["black_level"] = tuple(dark.black.tolist())
         self._defects |= set(dark.defects)
 
@@ -312,7 +301,7 @@ class Session:
             measured.remarks.append(f"no shading was measured{kept}: {error}")
         else:
             self._known["shading"] = measured.shading.shading
-            self._console.say(measured.shading.words)
+            self.console.say(measured.shading.words)
         calibration = frames[0][1].calibration
         try:
             flats = measure_flats(frames, measured.dark)
@@ -334,14 +323,14 @@ class Session:
         def measure(path: str, mosaic: Mosaic) -> ShotMeasurement:
             shading, focal_length = mosaic.calibration.shading, mosaic.metadata.focal_length
             if shading and (zoomed := shading.zoomed(focal_length)):
-                self._console.note(f"{path}: {zoomed}")
+                self.console.note(f"{path}: {zoomed}")
             assumed = self.measured.assumed(mosaic.calibration)
             colours, name = self.measured.chart_colours, Path(path).name
             return measure_chart(name, mosaic, colours, corners, assumed)
 
         for shot in self._process(paths, "shot", measure):
             gamma = f"gamma {figures(shot.fit.gamma)} ± {figures(shot.fit.half_width)}"
-            self._console.say(f"{shot.name}: chart at {shot.chart}, {gamma}")
+            self.console.say(f"{shot.name}: chart at {shot.chart}, {gamma}")
             self.measured.shots.append(replace(shot, light=light))
 
     def _unshaded(self, paths: Sequence[str], kind: str) -> list[Named]:
@@ -368,7 +357,7 @@ class Session:
                 if np.abs(np.subtract(stated.black_level, black)).max() > _FAR * stated.white_level:
                     levels = f"{figures(stated.black_level)} codes, and not {figures(black)}"
                     self.measured.remarks.append(f"{line}, with a black level of {levels}")
-                self._console.note(f"{line}: are all frames from one camera?")
+                self.console.note(f"{line}: are all frames from one camera?")
             self._cameras[stated.camera] = path, stated.black_level
         defects = tuple(sorted(self._defects.union(stated.defects)))
         mosaic = mosaic.calibrated(replace(stated, **self._known, defects=defects))
@@ -423,13 +412,13 @@ class Session:
         """
         for path in paths:
             try:
-                with self._console.progress(Path(path).name) as progress:
+                with self.console.progress(Path(path).name) as progress:
                     progress.stage("measuring", 1)
                     result = work(path, self._read(path, kind))
             except Exception as error:
                 self._skip([path], error)
             else:
-                self._console.record(source=path, ok=True, kind=kind)
+                self.console.record(source=path, ok=True, kind=kind)
                 yield result
 
     def _skip(self, paths: Sequence[str], error: Exception) -> None:
@@ -437,8 +426,8 @@ class Session:
         path, why = " ".join(paths), reason(error)
         line = why if why.startswith(path) else f"{path}: {why}"
         self.measured.skipped.append(without_folders(line, paths))
-        self._console.error(f"skipped {line}", cause=error)
-        self._console.record(source=path, ok=False, error=" ".join(why.split()))
+        self.console.error(f"skipped {line}", cause=error)
+        self.console.record(source=path, ok=False, error=" ".join(why.split()))
 
 
 def _facts(mosaic: Mosaic) -> dict[str, str]:

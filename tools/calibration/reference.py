@@ -9,6 +9,7 @@ import numpy as np
 from ...shared import DoubleArray, InputError
 from ...shared.reading import MAX_DOCUMENT, File, naming, read_text
 from ..io.colour import lab_to_xyz, xyz_to_lab
+from ..simulation.drawn.charts import color_checker_xyz
 from .chart.place import COLUMNS, PATCHES
 
 _PLACE = re.compile(r"([A-F])0?([1-6])", re.IGNORECASE)
@@ -20,9 +21,9 @@ _LEAST_WHITE, _MOST_WHITE = 0.7, 1.1  # Y of the white patch: 0.88 to 0.92 on ch
 _TINTED = 6.0  # chroma of greys: of charts sold below 3, of their XYZ for D55 7, for D65 19
 
 
-def read_reference(path: File) -> DoubleArray:
+def read_reference(path: File | None) -> DoubleArray:
     """Read a CGATS file with XYZ or L*a*b* of 24 patches; return XYZ (24, 3), D50 with white = 1,
-    in reading order.
+    in reading order. None = those of the built-in ColorChecker.
 
     XYZ may be those of 0 to 1 or of 0 to 100, which the white patch tells. Patches are named by
     column and row (A1 dark skin, A4 white, F4 black, as in Argyll's ColorChecker.cie), by row and
@@ -31,6 +32,8 @@ def read_reference(path: File) -> DoubleArray:
 
     Raises InputError that names the file and what is wrong with it.
     """
+    if path is None:
+        return color_checker_xyz()
     with naming(path):
         return _reference(read_text(path, MAX_DOCUMENT, "a CGATS file", otherwise="latin-1"))
 

@@ -80,6 +80,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from ..calibration.calibrated import NoCameraError, calibrated, shots_by_light
     from ..calibration.conclude import noise_change
     from ..calibration.files import KINDS, check_output, read_known, sort_files
+    from ..calibration.measure import Measurements, Session
+    from ..calibration.reference import read_reference
     from ..calibration.report import build_report
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
@@ -93,9 +95,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     page = None if arguments.report is None else output_folder(arguments.report) / "report.html"
     if page and not replace_existing:
         refuse_existing((page,))
-    known = arguments.chart, corners, arguments.sensor, old
+    measured = Measurements(read_reference(arguments.chart), old=old)
     try:
-        result = calibrated(console, files, *known, output=str(output))
+        session = Session(console, measured, arguments.sensor)
+        result = calibrated(session, files, corners, str(output))
     except NoCameraError as error:
         return _refuse(output, str(error), console)
     if result.camera:  # otherwise they are the reason

@@ -62,7 +62,9 @@ def several(
 def measured(old: Camera | None = None, /, **frames: Mapping[str, Mosaic]) -> Measurements:
     """What frames show; old: of the file that is updated; frames: of each kind, by name."""
     every = {name: mosaic for named in frames.values() for name, mosaic in named.items()}
-    session = Session(Console(quiet=True), REFERENCE, old=old, read=every.__getitem__)
+    session = Session(
+        Console(quiet=True), Measurements(REFERENCE, old=old), None, every.__getitem__
+    )
     return session.measure({kind: [*frames.get(kind, ())] for kind in KINDS}, true_place().corners)
 
 

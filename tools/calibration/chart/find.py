@@ -1,22 +1,23 @@
 """Find the ColorChecker in a shot: OpenCV proposes places, which are refined and then judged by
 colours and grey row.
+
+They are sought in a quick colour picture of the mosaic, which needs no gamma, matrix or white.
 """
 
 from collections.abc import Iterator
 from itertools import product
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import convolve, map_coordinates
 from scipy.optimize import minimize
 
 from ....shared import ByteArray, DoubleArray, FloatArray, InputError, Mosaic
 from ....shared.colorimetry import Matrix, as_rows
 from ...simulation.perspective import apply_homography, homography, rectangle
 from ..colour_matrix import fit_colour, grey_row_fault
-from .outlined import linear_picture, shown_picture
-from .place import COLUMNS, PATCH, ROWS, ChartPlace, least_pitch
+from ..places import levels_of, listed_defects
+from .place import COLUMNS, INNER, PATCH, ROWS, ChartPlace, least_pitch
 
 # Searches, the likeliest first: pixels of the picture's longer side, exponent of its tone curve,
 # quantile of the levels that is shown as white; `adaptiveThreshConstant` and `B0factor` of cv2.mcc.
@@ -38,6 +39,10 @@ _PROBE = 5  # points across a patch
 _EXTREMES = 5  # of its points, lowest and highest that do not count: defects, glints
 _IN_GAP = 0.045  # chart units from the middle of a gap: gaps are 0.12 to 0.16 wide
 _EDGE = 0.78  # chart units: the square that refinement makes uniform, nearly the whole patch
+# pixels: a hole is filled from samples at most this far away; no site of a scattered tile is
+# farther from one
+_REACH = 2
+_WHITE_Q = 0.99  # quantile of a channel that is shown as white
 
 
 def find_chart(mosaic: Mosaic, reference: DoubleArray) -> ChartPlace:
@@ -55,7 +60,7 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray) -> ChartPlace:
         for place in _proposed(shown_picture(picture, exponent, white), size, threshold, factor):
             turned = ChartPlace(as_rows(np.roll(place.corners, 2, axis=0)))
             poses = [(_difference(picture, pose, reference), pose) for pose in (place, turned)]
-            difference, upright = min(poses, key=itemgetter(0))
+            difference, upright = min(poses, key=lambda pose: pose[0])
             if difference > _WORTH_REFINING:
                 continue
             refined = refine(picture, upright)
@@ -162,13 +167,28 @@ def refine(picture: FloatArray, place: ChartPlace) -> ChartPlace:
     # Once: in every step it would cost a hundred times all else in a large frame.
     root = np.sqrt(np.maximum(luminance, 0))
     best, scale = np.array(place.corners), place.pitch
+
+    def misfit(moved: DoubleArray) -> float:
+        """Return how uneven the patches and how bright the gaps are if the best corners move by
+        `scale * moved`.
+
+        The gaps take the square root of luminance. With luminance itself only the bright patches
+        would fix the grid, and the corner at black would be loose.
+        """
+        try:
+            pose = ChartPlace(as_rows(best + moved.reshape(4, 2) * scale))
+        except InputError:
+            return 1e3
+        _, rough = patch_means(luminance[..., None], pose, _EDGE)
+        gaps, patches = (float(_at(root, *pose.at(*xy.T)).mean()) for xy in (_GAPS, pose.centres))
+        return float(np.minimum(rough, 0.5).mean() + gaps / max(patches, 1e-6))
+
     # The second search has a new simplex: in eight dimensions the first may collapse too early.
     for reach in (0.12, 0.04):
         simplex = np.concatenate([np.zeros((1, 8)), reach * np.eye(8)])
         options: Any = {"initial_simplex": simplex, "adaptive": True, "maxfev": 700}
         options |= {"xatol": 1e-3, "fatol": 1e-6}
-        known = luminance, root, best, scale
-        minimum = minimize(_misfit, np.zeros(8), known, "Nelder-Mead", options=options)
+        minimum = minimize(misfit, np.zeros(8), method="Nelder-Mead", options=options)
         best = best + minimum.x.reshape(4, 2) * scale
     return ChartPlace(as_rows(best))
 
@@ -190,24 +210,6 @@ def patch_means(
     return kept.mean(axis=1).astype(np.float64), luminance.std(axis=1)
 
 
-def _misfit(
-    moved: DoubleArray, luminance: FloatArray, root: FloatArray, corners: DoubleArray, scale: float
-) -> float:
-    """Return how uneven the patches and how bright the gaps are if the corners move by `scale *
-    moved`.
-
-    root: square root of luminance. With luminance itself only the bright patches would fix the
-    grid, and the corner at black would be loose.
-    """
-    try:
-        place = ChartPlace(as_rows(corners + moved.reshape(4, 2) * scale))
-    except InputError:
-        return 1e3
-    _, rough = patch_means(luminance[..., None], place, _EDGE)
-    gaps, patches = (float(_at(root, *place.at(*xy.T)).mean()) for xy in (_GAPS, place.centres))
-    return float(np.minimum(rough, 0.5).mean() + gaps / max(patches, 1e-6))
-
-
 def _gap_points(lines: int, length: int) -> DoubleArray:
     """Return points in chart units (N, 2), across and along gaps: in the middle and near both sides
     of each.
@@ -223,3 +225,75 @@ _GAPS = np.concatenate([_gap_points(COLUMNS, ROWS), _gap_points(ROWS, COLUMNS)[:
 def _at(plane: FloatArray, x: DoubleArray, y: DoubleArray) -> FloatArray:
     """Return a plane's values at points in pixels, interpolated bilinearly."""
     return map_coordinates(plane, [y - 0.5, x - 0.5], order=1, mode="nearest")
+
+
+def linear_picture(mosaic: Mosaic) -> FloatArray:
+    """Return every channel at every pixel, float32 (H, W, C), in parts of full scale.
+
+    Where luminance was not measured it is the local mean. The chromaticity of a block is the ratio
+    of its samples to luminance (gamma is not used), interpolated bilinearly.
+    """
+    levels, pattern = levels_of(mosaic).copy(), mosaic.pattern
+    # A defect gets the level of the next sample of its kind.
+    rows, columns = listed_defects(mosaic)
+    step = np.where(rows < pattern.period, pattern.period, -pattern.period)
+    levels[rows, columns] = levels[np.minimum(rows + step, mosaic.shape[0] - 1), columns]
+    luminance = _luminance(mosaic, levels)
+    grid = pattern.grid(mosaic.shape)
+    rows, columns = grid.whole_rows, grid.whole_columns
+    ratios = np.zeros((rows.size, columns.size, len(pattern.channels)), np.float32)
+    below = np.zeros_like(ratios)
+    for row, column, channel in pattern.sites:
+        places = np.ix_(rows + row, columns + column)
+        ratios[..., channel] += levels[places]
+        below[..., channel] += luminance[places]
+    ratios = np.clip(ratios / np.maximum(below, 1e-6), 0, 2)
+    if pattern.derived is not None:  # in its place, luminance tells as much
+        ratios[..., pattern.derived] = 1
+    middle = np.array([rows[0], columns[0]]) + (np.array(grid.block_shape) - 1) / 2
+    places = (np.indices(mosaic.shape) - middle[:, None, None]) / pattern.period
+    planes = np.moveaxis(ratios, -1, 0)
+    filled = [map_coordinates(plane, places, order=1, mode="nearest") for plane in planes]
+    chromaticity = np.stack(filled, axis=-1)
+    return (chromaticity * luminance[..., None]).astype(np.float32)
+
+
+def shown_picture(picture: FloatArray, exponent: float = 2.0, white: float = _WHITE_Q) -> ByteArray:
+    """Return a linear picture (H, W, C) as uint8 RGB (H, W, 3), each channel stretched by itself.
+
+    The first, middle and last channel are shown as red, green and blue.
+
+    exponent: of the tone curve. white: quantile of a channel that is shown as white.
+    """
+    chosen = picture[..., [0, picture.shape[-1] // 2, -1]]
+    bright = np.quantile(chosen[::4, ::4].reshape(-1, 3), white, axis=0)
+    levels = np.clip(chosen / np.maximum(bright, 1e-6), 0, 1)
+    return (255 * levels ** (1 / exponent)).astype(np.uint8)
+
+
+def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:
+    """Return the shot with the chart and the measured part of each patch outlined, uint8 RGB (H, W,
+    3).
+    """
+    from PIL import Image, ImageDraw
+
+    image = Image.fromarray(shown_picture(linear_picture(mosaic)))
+    draw, width = ImageDraw.Draw(image), max(1, round(place.pitch / 40))
+    quads = (place.patch_corners(PATCH), place.patch_corners(INNER), np.array([place.corners]))
+    for outlines, colour in zip(quads, ("white", "magenta", "cyan"), strict=True):
+        for quad in outlines:
+            draw.polygon(quad.ravel().tolist(), outline=colour, width=width)
+    return np.asarray(image)
+
+
+def _luminance(mosaic: Mosaic, levels: FloatArray) -> FloatArray:
+    """Return the panchromatic samples with the holes filled from their neighbours, weighted by
+    distance.
+    """
+    measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
+    reach = _REACH if mosaic.pattern.is_scattered else max(_REACH, *mosaic.pattern.block_shape)
+    steps = np.arange(-reach, reach + 1)
+    kernel = (1.0 / (steps[:, None] ** 2 + steps**2 + 1.0) ** 2).astype(np.float32)
+    total = convolve(np.where(measured, levels, np.float32(0)), kernel, mode="mirror")
+    weight = convolve(measured.astype(np.float32), kernel, mode="mirror")
+    return np.where(measured, levels, total / np.maximum(weight, 1e-6)).astype(np.float32)

@@ -18,6 +18,8 @@ from .tools.batch.jobs import output_folder, refuse_existing
 from .tools.calibration.calibrated import NoCameraError, calibrated, shots_by_light
 from .tools.calibration.conclude import Result, noise_change
 from .tools.calibration.files import KINDS, read_known, sort_files, write_camera
+from .tools.calibration.measure import Measurements, Session
+from .tools.calibration.reference import read_reference
 
 
 @dataclass(frozen=True, eq=False, repr=False, match_args=False)
@@ -185,9 +187,10 @@ def calibrate(
     files, searches = sort_files(requested | shots_by_light(by_light, old))
     for search in searches:
         console.note(*search.left_out)
-    known, read = (chart, place, sensor, old), reader(held, max_pixels)
+    measured = Measurements(read_reference(chart), old=old)
+    session = Session(console, measured, sensor, reader(held, max_pixels))
     try:
-        result = calibrated(console, files, *known, output=file_name(update or ""), read=read)
+        result = calibrated(session, files, place, file_name(update or ""))
     except NoCameraError as error:
         raise InputError("; ".join((str(error), *console.errors))) from None
     if result.camera is None:
