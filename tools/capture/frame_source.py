@@ -21,7 +21,7 @@ from ...device.capture.frame_folder import watch_folder
 from ...device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from ...shared import ByteArray, Camera, CfaPattern, InputError, SensorCalibration
 from ..simulation.simulated_camera import built_in_sensor, moving_scene, usual_gamma
-from .genicam import GENICAM, SETTINGS, GenicamCamera
+from .genicam import GENICAM, SETTINGS, GenicamCamera, Note, Stopped
 
 PIXEL_FORMATS = tuple(FORMATS)
 STREAM = "-"
@@ -31,12 +31,8 @@ _PIPE = 1 << 20  # bytes: the most that Linux gives any user
 _LEAST_FRAMES, _MOST_FRAMES = 4, 48  # of one turn of the built-in sensor
 _MEMORY = 64 * 2**20  # bytes: limits the number of frames of a turn
 
-Stopped = Callable[[], bool]
-"""Polled between frames: whether to end."""
 Refused = Callable[[InputError], None]
 """Called for each file that is not a frame."""
-Note = Callable[[str], None]
-"""Called with remarks."""
 Opened = Callable[[Stopped, Refused, Note], Iterator[RawFrame]]
 """Opens a source."""
 Described = Callable[[CfaPattern | None], tuple[Camera | None, CfaPattern]]
@@ -125,9 +121,7 @@ class FrameSource:
         comes.
         """
         raw = self.opened(stopped, refused, note)
-        if not self.checks:
-            return raw
-        return checked(raw, self.sensor, note, refused)
+        return checked(raw, self.sensor, note, refused) if self.checks else raw
 
 
 def preview_maker(sensor: Sensor, scale: int = 1) -> PreviewMaker:
@@ -166,11 +160,11 @@ def open_source(options: SourceOptions, described: Described) -> FrameSource:
         options.refuse(["width", "height", "stride"], "the camera says it")
         settings = {name: getattr(options, name) for name in SETTINGS}
         plugged = GenicamCamera(source, options.pixel_format, settings)
-        camera, pattern = described(plugged.pattern)
-        if plugged.pattern not in (None, pattern):
+        known = described(plugged.pattern)
+        if plugged.pattern not in (None, known[1]):
             remedy = "leave `pattern` and `origin` out"
             raise InputError(f"{source}: the camera says where its filters are; {remedy}")
-        sensor, notes = _described(options, plugged.layout, plugged.bits, camera, pattern)
+        sensor, notes = _described(options, plugged.layout, plugged.bits, known)
         return FrameSource(
             replace(sensor, metadata=plugged.metadata),
             lambda stopped, _, note: plugged.frames(stopped, note),
@@ -184,9 +178,8 @@ def open_source(options: SourceOptions, described: Described) -> FrameSource:
     if source != STREAM and not Path(source).is_dir():
         expected = "SOURCE is such a folder, -, genicam:ID or builtin:WIDTHxHEIGHT@FPS"
         raise InputError(f"{source}: is not a folder; {expected}")
-    camera, pattern = described(None)
-    layout, bits = layout_of(options)
-    sensor, notes = _described(options, layout, bits, camera, pattern)
+    known = described(None)
+    sensor, notes = _described(options, *layout_of(options), known)
     opened, waits = _open_unplugged(options, sensor)
     return FrameSource(sensor, opened, waits, notes, checks=not options.unchecked)
 
@@ -264,13 +257,10 @@ def _check_size(source: str, camera: Camera | None, layout: FrameLayout) -> None
 
 
 def _described(
-    options: SourceOptions,
-    layout: FrameLayout,
-    bits: int,
-    camera: Camera | None,
-    pattern: CfaPattern,
+    options: SourceOptions, layout: FrameLayout, bits: int, known: tuple[Camera | None, CfaPattern]
 ) -> tuple[Sensor, tuple[str, ...]]:
-    """Return the sensor that is described, and notes."""
+    """Return the sensor that is described, and notes; known: see `Described`."""
+    camera, pattern = known
     if camera:
         for name in ("sensor_bits", "black"):
             if getattr(options, name) is not None:

@@ -18,6 +18,10 @@ from ...device.capture.frames import FrameLayout, RawFrame, format_named
 from ...shared import CaptureMetadata, CfaPattern, InputError
 from ..simulation.pattern_text import read_pattern
 
+Stopped = Callable[[], bool]
+"""Polled between frames: whether to end."""
+Note = Callable[[str], None]
+"""Called with remarks."""
 GENICAM = "genicam:"
 # where python3-gi is; a virtual environment does not look there
 _DEBIAN = "/usr/lib/python3/dist-packages"
@@ -108,9 +112,7 @@ class GenicamCamera:
                 self._camera.set_acquisition_mode(self._aravis.AcquisitionMode.CONTINUOUS)
             self._describe()
 
-    def frames(
-        self, stopped: Callable[[], bool], note: Callable[[str], None]
-    ) -> Iterator[RawFrame]:
+    def frames(self, stopped: Stopped, note: Note) -> Iterator[RawFrame]:
         """Yield the frames that arrive whole, until `stopped` returns True.
 
         note: called once, if none arrives for ten seconds and the exposure. Raises InputError when

@@ -80,12 +80,6 @@ _BEYOND = 0.01
 _THREE_COLOURS = "GRB"
 _MORE_COLOURS = "CDEFHIJK"
 
-_NOTHING = (
-    "the frame shows no pattern of filters: it is too dark, too even or too small, or there are "
-    "none. Photograph something with many colours in good light, not overexposed; the larger the "
-    "frame the better"
-)
-
 Letters = NDArray[np.str_]
 
 
@@ -184,7 +178,11 @@ def facts_of(codes: CodeArray) -> dict[str, Any]:
     """
     identity = identify(codes)
     if identity is None:
-        raise InputError(_NOTHING)
+        raise InputError(
+            "the frame shows no pattern of filters: it is too dark, too even or too small, or "
+            "there are none. Photograph something with many colours in good light, not "
+            "overexposed; the larger the frame the better"
+        )
     tile = identity.tile
     clear = [[letter == PANCHROMATIC for letter in row] for row in tile]
     return {
@@ -218,7 +216,7 @@ class _Folds:
     """
 
     def __init__(self, codes: CodeArray, windows: int) -> None:
-        counts = (prod(size // self._side(period) for size in codes.shape) for period in _PERIODS)
+        counts = (prod(size // _side(period) for size in codes.shape) for period in _PERIODS)
         many = (count >= _FEW for count in counts)
         self.periods = list(compress(_PERIODS, many))
         self._windows = cache(lambda side: Windows.of(codes, side, windows))
@@ -226,7 +224,7 @@ class _Folds:
 
     def levels(self, period: int) -> DoubleArray:
         """Mean of each window at each place of a tile, codes: (windows, K K)."""
-        return self._windows(self._side(period)).levels(period).reshape(-1, period**2)
+        return self._windows(_side(period)).levels(period).reshape(-1, period**2)
 
     def quarters(self, period: int, large: int = 0) -> DoubleArray:
         """Means of each window's four quarters at each place of a tile, less the mean of all
@@ -235,13 +233,14 @@ class _Folds:
         large: the windows are as large as this period needs; 0 = as this one.
         """
         large = large or period
-        flat = self._flat(self._side(large), large * max(round(_WIDTH / large), 1))
+        flat = self._flat(_side(large), large * max(round(_WIDTH / large), 1))
         folded = [flat.quarter(*place).folded(period) for place in product((0, 1), repeat=2)]
         return np.stack(folded, axis=1).reshape(len(folded[0]), 4, period**2)
 
-    @staticmethod
-    def _side(period: int) -> int:
-        return max(_SMALLEST, 4 * period)
+
+def _side(period: int) -> int:
+    """Pixels along a window."""
+    return max(_SMALLEST, 4 * period)
 
 
 def _find_period(folds: _Folds) -> tuple[int, float] | None:

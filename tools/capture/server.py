@@ -43,6 +43,10 @@ _FREED = 2 * _STALL  # seconds that a new viewer waits for the seat of one who h
 _SEND_BUFFER = 1 << 17  # bytes: whatever waits in the buffer makes a slow client's picture older
 
 
+Report = Callable[[BaseException], None]
+"""Called with each error that is not a client's; they end one answer, not the server."""
+
+
 class ViewfinderServer(ThreadingTCPServer):
     """The server of a viewfinder. Not an HTTPServer: that looks up its own host name, and without a
     network it waits for an answer.
@@ -56,9 +60,9 @@ class ViewfinderServer(ThreadingTCPServer):
         (host, port); port 0 takes any free port.
     finder : Viewfinder
         The viewfinder.
-    report : Callable[[BaseException], None]
-        Called with each error that is not a client's; they end one answer, not the server.
-    hosts : Iterable[str], optional
+    report : Report
+        See `Report`.
+    hosts : Iterable[str]
         Names in lower case under which browsers may ask for the page, beside addresses and the
         machine's own names.
     """
@@ -68,11 +72,7 @@ class ViewfinderServer(ThreadingTCPServer):
     block_on_close = False
 
     def __init__(
-        self,
-        address: tuple[str, int],
-        finder: Viewfinder,
-        report: Callable[[BaseException], None],
-        hosts: Iterable[str] = (),
+        self, address: tuple[str, int], finder: Viewfinder, report: Report, hosts: Iterable[str]
     ) -> None:
         self.finder, self._report = finder, report
         name = socket.gethostname().lower()

@@ -75,15 +75,12 @@ class Viewfinder:
     """
 
     def __init__(self, dropped: Callable[[], int], shots: ShotFolder | None = None) -> None:
-        self._dropped = dropped
-        self._shots = shots
+        self._dropped, self._shots = dropped, shots
         self.folder = shots.path if shots else None
-        self._changed = threading.Condition()
+        self._changed, self._shooting = threading.Condition(), threading.Lock()
         self._view: View | None = None
-        self.closed = False
-        self._begun = monotonic()
+        self.closed, self._begun = False, monotonic()
         self._shown: deque[float] = deque(maxlen=_COUNTED)  # times of pictures
-        self._shooting = threading.Lock()
         self.doubtful: Path | None = None
 
     def show(self, picture: ByteArray, mosaic: Mosaic, frame: RawFrame) -> None:
@@ -110,6 +107,40 @@ class Viewfinder:
                 self.doubtful = None
             self._shown.append(now)
             self._changed.notify_all()
+
+    def show_frames(
+        self, frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, refused: Refused
+    ) -> None:
+        """Show frames until they end, in their order.
+
+        Raises the error that ends `frames`.
+
+        Parameters
+        ----------
+        frames : Iterable[RawFrame]
+            For example a `FrameQueue`.
+        sensor : Sensor
+            The sensor they come from.
+        preview : PreviewMaker
+            Makes the picture that is shown.
+        refused : Refused
+            Called with the reason for each frame that does not fit the sensor.
+        """
+        balance, job = SteadyWhite(), None
+        # encodes, on one core, while the next preview is made
+        with ThreadPoolExecutor(1, "show") as pool:
+            for frame in frames:
+                try:
+                    mosaic = balance(sensor.mosaic(frame))
+                    picture = preview(mosaic)
+                except InputError as error:
+                    refused(error)
+                    continue
+                if job is not None:
+                    job.result()
+                job = pool.submit(self.show, picture, mosaic, frame)
+            if job is not None:
+                job.result()
 
     def after(self, number: int, seconds: float | None = None) -> View | None:
         """Wait for a view with a higher number than `number` and return it; None if none comes, or
@@ -183,42 +214,3 @@ def fitting_scale(width: int, pattern: CfaPattern) -> int:
     """
     scales = Geometry.scales(pattern)
     return next((scale for scale in scales if width <= _WIDEST * scale), scales[-1])
-
-
-def show_frames(
-    frames: Iterable[RawFrame],
-    sensor: Sensor,
-    preview: PreviewMaker,
-    finder: Viewfinder,
-    refused: Refused,
-) -> None:
-    """Show frames until they end, in their order.
-
-    Raises the error that ends `frames`.
-
-    Parameters
-    ----------
-    frames : Iterable[RawFrame]
-        For example a `FrameQueue`.
-    sensor : Sensor
-        The sensor they come from.
-    preview : PreviewMaker
-        Makes the picture that is shown.
-    refused : Refused
-        Called with the reason for each frame that does not fit the sensor.
-    """
-    balance, job = SteadyWhite(), None
-    # encodes, on one core, while the next preview is made
-    with ThreadPoolExecutor(1, "show") as pool:
-        for frame in frames:
-            try:
-                mosaic = balance(sensor.mosaic(frame))
-                picture = preview(mosaic)
-            except InputError as error:
-                refused(error)
-                continue
-            if job is not None:
-                job.result()
-            job = pool.submit(finder.show, picture, mosaic, frame)
-        if job is not None:
-            job.result()

@@ -22,7 +22,7 @@ from ..batch.jobs import FAILED, output_folder
 from ..batch.signals import Stopping
 from ..capture.frame_source import doubts, preview_maker
 from ..capture.server import ViewfinderServer
-from ..capture.viewfinder import Viewfinder, fitting_scale, show_frames
+from ..capture.viewfinder import Viewfinder, fitting_scale
 from .frame_options import add_source, source_of
 from .options import add, value
 
@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             threading.Thread(target=serve, name="viewfinder", daemon=True).start()
             console.say(f"the viewfinder is at {server.url}")
             try:
-                show_frames(frames, sensor, preview, finder, refused)
+                finder.show_frames(frames, sensor, preview, refused)
                 if source.waits and not stopping():
                     console.note("the recording has ended")
                 elif not stopping():

@@ -24,7 +24,7 @@ from panchroma.shared.dng import read_preview
 from panchroma.shared.errors import InputError, OutputError
 from panchroma.tools.capture import viewfinder
 from panchroma.tools.capture.server import ViewfinderServer
-from panchroma.tools.capture.viewfinder import Viewfinder, fitting_scale, show_frames
+from panchroma.tools.capture.viewfinder import Viewfinder, fitting_scale
 from tests.device.packer import random_codes
 from tests.tools.command import names
 
@@ -129,7 +129,7 @@ def test_frames_are_shown_in_their_order_without_those_that_do_not_fit_until_the
         raise InputError("the stream broke")
 
     with pytest.raises(InputError, match="the stream broke"):
-        show_frames(frames(), SENSOR, even, Mock(show=show), refused.append)
+        Viewfinder.show_frames(Mock(show=show), frames(), SENSOR, even, refused.append)
     assert shown == [int(codes(number)[0, 0]) for number in range(20) if number != 2]
     assert len(refused) == 1
 
@@ -306,7 +306,7 @@ def test_closing_ends_the_streams_and_waits_for_the_shot_in_hand(
 
 def test_an_address_that_is_taken_is_refused(served: Served) -> None:
     with pytest.raises(OutputError, match=f"{served.port}: nothing can be served there"):
-        ViewfinderServer(("127.0.0.1", served.port), served.finder, print)
+        ViewfinderServer(("127.0.0.1", served.port), served.finder, print, ())
 
 
 @pytest.mark.parametrize(
