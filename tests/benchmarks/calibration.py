@@ -20,7 +20,7 @@ def photograph(name: str) -> None:
     """Print gamma and colour from a shot simulated from a photograph."""
     mosaic = shot_of(name, 6)
     try:
-        measured = measure_chart(name, mosaic, REFERENCE)
+        measured = measure_chart(name, mosaic, Measurements(REFERENCE))
     except InputError as error:
         print(f"{name}: refused: {error}")
         return

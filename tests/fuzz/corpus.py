@@ -194,7 +194,7 @@ def _documents() -> list[Sample]:
 def _measured() -> Camera:
     """A camera file that was measured: from a dark frame, and a chart."""
     dark, lit = frame(np.zeros((60, 60, 3))), frame(chart().rgb)
-    shot = measure_chart("chart.dng", lit, color_checker_xyz(), true_place().corners)
+    shot = measure_chart("chart.dng", lit, Measurements(color_checker_xyz()), true_place().corners)
     found = Measurements(color_checker_xyz(), lit, dark=measure_dark([dark]), shots=[shot])
     return conclude(found).camera
 

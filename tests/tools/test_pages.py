@@ -79,7 +79,7 @@ def of_evaluation(folder: Path, text: str) -> bytes:
 def of_calibration(_: Path, text: str) -> bytes:
     """The report on a chart."""
     taken = frame(chart().rgb, says=replace(BLIND, sensor=text))
-    shot = measure_chart(text, taken, REFERENCE, true_place().corners)
+    shot = measure_chart(text, taken, Measurements(REFERENCE), true_place().corners)
     measured = Measurements(REFERENCE, taken, shots=[shot], skipped=[text])
     return build_report(conclude(measured, {"date": text}))
 

@@ -152,11 +152,10 @@ class Measurements:
         """Gamma under each light where it depends on that, by its name; otherwise that of all
         shots, by "".
         """
-        if all(shot.fit.follows for shot in self.shots):
-            return {"": self.gamma} if self.gamma else {}
+        follows = all(shot.fit.follows for shot in self.shots)
         fits: dict[str, list[GammaFit]] = {}
         for shot in self.shots:
-            fits.setdefault(shot.light, []).append(shot.fit)
+            fits.setdefault("" if follows else shot.light, []).append(shot.fit)
         return {light: combined(of_light) for light, of_light in fits.items()}
 
     def assumed(self, calibration: SensorCalibration | None = None) -> Assumed:
@@ -169,11 +168,7 @@ class Measurements:
 
 
 def measure_chart(
-    name: str,
-    mosaic: Mosaic,
-    reference: DoubleArray,
-    corners: Matrix | None = None,
-    assumed: Assumed | None = None,
+    name: str, mosaic: Mosaic, measured: Measurements, corners: Matrix | None = None
 ) -> ShotMeasurement:
     """Find the chart in a shot, measure its patches, and estimate gamma from them.
 
@@ -185,18 +180,16 @@ def measure_chart(
         Of the file.
     mosaic
         The shot.
-    reference
-        XYZ (D50) of the chart, white = 1, (24, 3).
+    measured
+        The colours of the chart, and what was measured before.
     corners
         Of the chart, see `ChartPlace`; None = find it.
-    assumed
-        What may be off; None = nothing was measured, see `Assumed`.
     """
     if len(mosaic.pattern.channels) < FEWEST_CHANNELS:
         sensor = f"a sensor with the channels {mosaic.pattern.channels}"
         remedy = "calibrate it with dark and flat frames alone"
         raise InputError(f"{sensor} cannot tell the colours of a chart apart: {remedy}")
-    assumed = assumed or Assumed(mosaic.calibration, None, {})
+    reference, assumed = measured.chart_colours, measured.assumed(mosaic.calibration)
     chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference)
     places, derived = patch_samples(mosaic, chart.measured()), mosaic.pattern.derived
     if derived is None:
@@ -204,8 +197,8 @@ def measure_chart(
         if fit.worst > _REACHED and (areas := chart.around(mosaic.shape, mosaic.pattern.period)):
             fit = with_surroundings(fit, places, patch_samples(mosaic, areas))
     else:
-        measured, letter = np.delete(places.mean, derived, axis=1), mosaic.pattern.channels[derived]
-        expected = expected_levels(measured, reference, chart.centres, letter)
+        levels, letter = np.delete(places.mean, derived, axis=1), mosaic.pattern.channels[derived]
+        expected = expected_levels(levels, reference, chart.centres, letter)
         fit, places = fit_with_derived(places, assumed, derived, expected)
     check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
     return ShotMeasurement(name, fit, chart, places, overlay(mosaic, chart))
@@ -324,9 +317,7 @@ class Session:
             shading, focal_length = mosaic.calibration.shading, mosaic.metadata.focal_length
             if shading and (zoomed := shading.zoomed(focal_length)):
                 self.console.note(f"{path}: {zoomed}")
-            assumed = self.measured.assumed(mosaic.calibration)
-            colours, name = self.measured.chart_colours, Path(path).name
-            return measure_chart(name, mosaic, colours, corners, assumed)
+            return measure_chart(Path(path).name, mosaic, self.measured, corners)
 
         for shot in self._process(paths, "shot", measure):
             gamma = f"gamma {figures(shot.fit.gamma)} ± {figures(shot.fit.half_width)}"

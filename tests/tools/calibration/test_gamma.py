@@ -17,7 +17,7 @@ from panchroma.tools.calibration.gamma import (
     reconciled,
     with_surroundings,
 )
-from panchroma.tools.calibration.measure import measure_chart
+from panchroma.tools.calibration.measure import Measurements, measure_chart
 from panchroma.tools.calibration.places import PlaceSamples, patch_samples
 from tests.tools.calibration.known_camera import (
     BLIND,
@@ -141,7 +141,7 @@ def test_even_areas_around_a_small_chart_in_a_photograph_halve_the_interval_of_g
     """A fifth of the frame wide, beside the middle; nothing is known of black level and shading but
     what the shot states. The patches alone tell gamma to 4.8 %.
     """
-    shot = measure_chart("indoor1.dng", shot_of("raw/indoor1.dng", 6), REFERENCE)
+    shot = measure_chart("indoor1.dng", shot_of("raw/indoor1.dng", 6), Measurements(REFERENCE))
     fit = shot.fit
     assert np.abs(fit.gamma - 1).max() < 0.014
     assert fit.worst < 0.026
@@ -170,7 +170,7 @@ def test_a_chart_in_a_corner_tells_gamma_there_whatever_the_lens_does() -> None:
     scene = np.full((800, 1200, 3), 0.35)
     scene[:400, :600] = chart().rgb
     taken = camera.shot(scene, np.random.default_rng(2))
-    fit = measure_chart("corner.dng", taken, REFERENCE, true_place().corners).fit
+    fit = measure_chart("corner.dng", taken, Measurements(REFERENCE), true_place().corners).fit
     there = SIMPLE.gamma / (1 - falls[:3, 0] * (fit.where**2).sum())
     assert np.abs(there / SIMPLE.gamma - 1).max() > 0.02
     assert (np.abs(fit.gamma - there) < 1.2 * fit.half_width).all()

@@ -467,8 +467,13 @@ def test_swapped_channels_show_on_a_chart(right: CfaPattern, wrong: CfaPattern, 
     true, says = (replace(each, channels=right.channels) for each in (TRUTH, BLIND))
     light = chart().rgb if right.channels == "RGB" else chart().rgb @ BROAD
     taken = frame(light, pattern=right, says=says, truth=true)
-    shot = measure_chart("chart.dng", taken, REFERENCE, true_place().corners)
+    shot = measure_chart("chart.dng", taken, Measurements(REFERENCE), true_place().corners)
     np.testing.assert_allclose(shot.fit.gamma, TRUTH.gamma, rtol=0.02)
     said = f"the chart shows that {names} are exchanged.*{'/'.join(right.letters_from())}"
     with pytest.raises(InputError, match=said):
-        measure_chart("chart.dng", replace(taken, pattern=wrong), REFERENCE, true_place().corners)
+        measure_chart(
+            "chart.dng",
+            replace(taken, pattern=wrong),
+            Measurements(REFERENCE),
+            true_place().corners,
+        )
