@@ -22,11 +22,9 @@ from .places import figures
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_TEMPLATE = Path(__file__).with_name("report.html")
 _TONES = {"use it": "good", "use it with care": "care", "do not use it": "bad"}
-_PLANES = {"R": "#e5484d", "G": "#30a46c", "B": "#3e63dd", "W": "#8d8d86"}
-_EDGE = "#1f1f1c"
-_OTHER = "#b658c4"  # colour of what has no colour of its own
+# "": of what has no colour of its own
+_PLANES = {"R": "#e5484d", "G": "#30a46c", "B": "#3e63dd", "W": "#8d8d86", "": "#b658c4"}
 
 
 def build_report(result: Result) -> bytes:
@@ -38,12 +36,10 @@ def build_report(result: Result) -> bytes:
     if "noise" in fits:
         plots["noise"] = partial(_plot_transfer, fits["noise"], measured.planes)
     return render_page(
-        _TEMPLATE,
+        Path(__file__).with_name("report.html"),
         title=f"Calibration of {(camera and camera.calibration.sensor) or 'the camera'}",
-        made=", ".join(result.provenance.values()),
-        verdict=result.verdict.capitalize(),
+        result=result,
         tone=_TONES[result.verdict],
-        refusal=result.refusal,
         warnings=[*told, *result.warnings],
         measured=measured,
         shots=[(shot, embed_picture(shot.picture, photograph=True)) for shot in measured.shots],
@@ -51,7 +47,6 @@ def build_report(result: Result) -> bytes:
         noise=fits.get("noise"),
         plots={name: embed_plot(plot) for name, plot in plots.items() if name in fits},
         colours=[(chart, _patches(chart.fit)) for chart in fits.get("colour", ())],
-        camera=camera,
         document=json.dumps(camera.to_json(), indent=1, ensure_ascii=False) if camera else "",
         figures=figures,
         sigmas=SIGMAS,
@@ -69,7 +64,7 @@ def _plot_residuals(result: Result, axes: "Axes") -> None:
         percent = 100 * (fit.predicted / np.maximum(level, 1e-9) - 1)
         for here, marker in ((fit.used, "o"), (~fit.used, "X")):
             x, y, fill = level[here], percent[here], colours[here]
-            axes.scatter(x, y, s=38, c=fill, marker=marker, edgecolors=_EDGE, linewidths=0.6)
+            axes.scatter(x, y, s=38, c=fill, marker=marker, edgecolors="#1f1f1c", linewidths=0.6)
     axes.axhline(0, color="#6b6b64", linestyle="--", linewidth=1)
     axes.set(xlabel="measured, part of full scale", ylabel="predicted - measured, %")
 
@@ -77,7 +72,7 @@ def _plot_residuals(result: Result, axes: "Axes") -> None:
 def _plot_transfer(noise: NoiseResult, planes: str, axes: "Axes") -> None:
     """Plot variance over mean, with a line per plane."""
     for plane, (letter, line) in enumerate(zip(planes, noise.lines, strict=True)):
-        colour, mean = _PLANES.get(letter, _OTHER), noise.points.mean[:, plane]
+        colour, mean = _PLANES.get(letter, _PLANES[""]), noise.points.mean[:, plane]
         axes.scatter(mean, noise.points.variance[:, plane], s=12, c=colour, alpha=0.6)
         steps = np.geomspace(max(mean.min(), 1e-5) / 1.5, max(mean.max(), 1e-4) * 1.5, 40)
         axes.plot(steps, line.variance(steps), color=colour, label=letter)
