@@ -27,7 +27,6 @@ PIXEL_FORMATS = tuple(FORMATS)
 STREAM = "-"
 """Source of frames on standard input."""
 _BUILTIN = "builtin:"
-_PIPE = 1 << 20  # bytes: the most that Linux gives any user
 _LEAST_FRAMES, _MOST_FRAMES = 4, 48  # of one turn of the built-in sensor
 _MEMORY = 64 * 2**20  # bytes: limits the number of frames of a turn
 
@@ -216,9 +215,9 @@ def standard_input() -> FileIO:
     """
     descriptor = sys.stdin.fileno()
     with suppress(OSError, AttributeError):  # no pipe; the user has too many; not Linux
-        # Room for a part of a frame that takes the writer a while: each time it is full costs two
-        # changes of process.
-        fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, _PIPE)
+        # Room for a part of a frame that takes the writer a while, as much as Linux gives any user:
+        # each time it is full costs two changes of process.
+        fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, 1 << 20)
     return open(descriptor, "rb", buffering=0, closefd=False)
 
 
@@ -238,12 +237,10 @@ def layout_of(options: SourceOptions) -> tuple[FrameLayout, int]:
     return FrameLayout(width, height, name, options.stride), bits
 
 
-def _check_size(source: str, camera: Camera | None, layout: FrameLayout) -> None:
+def _check_size(source: str, camera: Camera, layout: FrameLayout) -> None:
     """Raise InputError unless frames have the size of those that the camera file was made with: its
     maps are for these alone.
     """
-    if camera is None:
-        return
     shape, known = (layout.height, layout.width), camera.calibration
     needed = zip(shape, *((row + 1, column + 1) for row, column in known.defects), strict=True)
     size = known.shading.size if known.shading else tuple(map(max, needed))
@@ -294,7 +291,8 @@ def _builtin(source: str, camera: Camera | None, pattern: CfaPattern) -> FrameSo
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
     layout = FrameLayout(int(match[1]), int(match[2]), "u16")
-    _check_size(source, camera, layout)
+    if camera is not None:
+        _check_size(source, camera, layout)
     sensor = Sensor(layout, pattern, calibration)
     return FrameSource(sensor, lambda *_: _moving_frames(sensor, rate), waits=False)
 

@@ -27,9 +27,6 @@ GENICAM = "genicam:"
 _DEBIAN = "/usr/lib/python3/dist-packages"
 _PYTHON = "make the virtual environment with the system's own Python: /usr/bin/python3"
 _INSTALL = f"apt-get install gir1.2-aravis-0.8 python3-gi (and {_PYTHON})"
-# frames that Aravis may fill meanwhile; a frame is copied, and its buffer given back, as soon as it
-# is there
-_BUFFERS = 4
 _SILENCE = 10.0  # seconds without a frame, beside the exposure
 _POLL = 100_000  # microseconds between two looks at whether to stop
 _MICROSECONDS = 1e6  # GenICam counts the exposure in them
@@ -41,8 +38,6 @@ SETTINGS = {
 """Setting of the user -> feature of Aravis, and number of its units in one of ours; the exposure
 limits the frame rate.
 """
-# PFNC: Sparse Color Filter #1, the first row of its tile, bits and packing
-_FILTERS = re.compile(r"(SCF1[WRGB]{4})\d+\w*")
 
 
 def connected() -> list[str]:
@@ -121,7 +116,9 @@ class GenicamCamera:
         with self._answers(), self._using:
             self._stream = self._camera.create_stream(None)
             size = self._camera.get_payload()
-            for _ in range(_BUFFERS):
+            # Aravis fills four frames meanwhile; each is copied, and its buffer given back, as soon
+            # as it is there.
+            for _ in range(4):
                 self._stream.push_buffer(self._aravis.Buffer.new_allocate(size))
             self._camera.start_acquisition()
         quiet = _SILENCE + (self.metadata.exposure_time or 0.0)
@@ -198,7 +195,8 @@ class GenicamCamera:
         if payload < self.layout.frame_bytes:
             fault = f"a frame has {payload} bytes, but {self.layout.size}"
             raise InputError(f"{self._source}: {fault}; set a width that 8 divides")
-        filters = _FILTERS.fullmatch(name)
+        # PFNC: Sparse Color Filter #1, the first row of its tile, bits and packing
+        filters = re.fullmatch(r"(SCF1[WRGB]{4})\d+\w*", name)
         self.pattern: CfaPattern | None = read_pattern(filters[1]) if filters else None
         self._name = name
 

@@ -19,7 +19,6 @@ from urllib.parse import urlsplit
 from ...shared.errors import InputError, OutputError, PanchromaError
 from .viewfinder import Viewfinder
 
-_PAGE = Path(__file__).parent / "page"
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "default-src 'none'; img-src 'self' data:; style-src 'self'; "
@@ -34,11 +33,9 @@ _HEADERS = {
 }
 _BOUNDARY = "frame"
 _VIEWERS = 8
-_TIMEOUT = 10.0  # seconds for a client to send its request, or to accept data
 # seconds after which the last picture is sent again: Chromium shows a picture when the next one
 # comes, and proxies want to hear something
 _STALL = 1.0
-_IGNORED = 4096  # bytes
 _FREED = 2 * _STALL  # seconds that a new viewer waits for the seat of one who has left
 _SEND_BUFFER = 1 << 17  # bytes: whatever waits in the buffer makes a slow client's picture older
 
@@ -109,11 +106,11 @@ class _Handler(SimpleHTTPRequestHandler):
     """Serves the files in the folder of the page, the stream of pictures, figures and shots."""
 
     server: ViewfinderServer
-    timeout = _TIMEOUT
+    timeout = 10.0  # seconds for a client to send its request, or to accept data
     server_version, sys_version = "panchroma", ""
 
     def __init__(self, *arguments: Any) -> None:
-        super().__init__(*arguments, directory=str(_PAGE))
+        super().__init__(*arguments, directory=str(Path(__file__).with_name("page")))
 
     def do_GET(self) -> None:
         path = self.path.partition("?")[0]
@@ -176,7 +173,7 @@ class _Handler(SimpleHTTPRequestHandler):
     def _has_left(self) -> bool:
         """True if the client has closed the connection; whatever else it says is ignored."""
         readable, _, _ = select.select([self.connection], [], [], 0)
-        return bool(readable) and not self.connection.recv(_IGNORED)
+        return bool(readable) and not self.connection.recv(4096)
 
     def parse_request(self) -> bool:
         """Read the request. Returns whether it is one, and addressed to this camera; if not, it has

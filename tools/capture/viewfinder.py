@@ -23,8 +23,6 @@ from ...device.preview.geometry import Geometry
 from ...shared import ByteArray, CfaPattern, InputError, Mosaic
 from .frame_source import Refused
 
-_QUALITY = 80  # JPEG quality, 1 to 100: enough for a moving picture
-_COUNTED = 20  # pictures whose times are kept
 _SPAN, _MISSED = 2.0, 2.5  # seconds, and intervals, without a picture: the camera counts as silent
 _ROWS = 17  # every one of these is looked at for clipped samples: no period has this divisor
 _WIDEST = 1440  # pixels: a wider picture does not fit a phone or a page, and costs the camera time
@@ -80,7 +78,7 @@ class Viewfinder:
         self._changed, self._shooting = threading.Condition(), threading.Lock()
         self._view: View | None = None
         self.closed, self._begun = False, monotonic()
-        self._shown: deque[float] = deque(maxlen=_COUNTED)  # times of pictures
+        self._shown: deque[float] = deque(maxlen=20)  # times of the last pictures
         self.doubtful: Path | None = None
 
     def show(self, picture: ByteArray, mosaic: Mosaic, frame: RawFrame) -> None:
@@ -95,7 +93,7 @@ class Viewfinder:
         frame : RawFrame
             The frame that it shows.
         """
-        options: Any = {"level": _QUALITY, "subsampling": "420"}
+        options: Any = {"level": 80, "subsampling": "420"}  # quality enough for a moving picture
         jpeg = bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), **options))
         clipped = float((mosaic.codes[::_ROWS] >= mosaic.calibration.white_level).mean())
         now = monotonic()
