@@ -28,11 +28,10 @@ def shots_by_light(named: Iterable[tuple[str, str]], old: Camera | None) -> dict
         shots.setdefault(light, []).append(path)
     known = [light.illuminant for light in (old and old.calibration.lights) or ()]
     if len(shots) not in (0, 2) and not (len(shots) == 1 and shots.keys() <= {*known}):
-        raise InputError(
-            "`chart_light` names two lights, such as A and D65, with shots of the chart under "
-            "each, or, with `update`, one of two that the camera file has "
-            f"({' and '.join(known) or 'it has none'}); charts under one light need none"
-        )
+        one = f"one of two that the camera file has ({' and '.join(known) or 'it has none'})"
+        two = "two lights, such as A and D65, with shots of the chart under each"
+        both = f"`chart_light` names {two}, or, with `update`, {one}"
+        raise InputError(f"{both}; charts under one light need none")
     if len(shots) > 1:
         check_apart(*shots)
     return shots
@@ -60,9 +59,8 @@ def calibrated(session: Session, files: Files, corners: Matrix | None, output: s
         raise NoCameraError("no frame could be used, and no camera file was written")
     is_known = bool(measurements.shots) or (old is not None and "gamma" in old.measured)
     if any(names for kind, names in files.items() if kind not in KINDS[1:]) and not is_known:
-        raise NoCameraError(
-            "gamma is not known, for no chart could be used, and no camera file was written; mend "
-            "what is said above, or leave these shots out to keep only what the other frames show"
-        )
+        fault = "gamma is not known, for no chart could be used, and no camera file was written"
+        remedy = "leave these shots out to keep only what the other frames show"
+        raise NoCameraError(f"{fault}; mend what is said above, or {remedy}")
     made = {"date": datetime.now(UTC).date().isoformat()}
     return conclude(measurements, made | {"program": f"panchroma {program_version()}"})

@@ -25,9 +25,9 @@ _UNLIKE = 4.0
 _DRIFT = 3.0
 # Of the read noise: drift expected before any is seen, and its weight in frames.
 _USUAL_DRIFT, _USUAL_DRIFT_FRAMES = 0.02, 2
-# Of the range of codes: black levels of the planes that differ by less are those of electronics.
-_LEAK = 1 / 2048
-_LEAST_LEAK = 1.5  # steps
+# Of the range of codes, and steps: black levels of the planes that differ by less are those of
+# electronics.
+_LEAK, _LEAST_LEAK = 1 / 2048, 1.5
 _CUT = 1e-3  # of the samples: so many that read 0 were cut off there
 # Correlation of levels and variances of the planes, from which on both rise together.
 _IN_LINE = 0.9
@@ -201,11 +201,10 @@ def _check_light(frame: Mosaic, mean: DoubleArray, dark: DarkResult) -> None:
     if np.ptp(black) > limit and black[-1] - black[:-1].mean() > limit / 2 and agrees:
         levels = ", ".join(map("{} {:.1f}".format, letters, black))
         noises = ", ".join(map("{} {:.2f}".format, letters, noise))
-        raise InputError(
-            f"dark frames: light fell in: their levels are {levels} codes, with a noise of "
-            f"{noises}: both rise from filter to filter as they do in light, most in W, which sees "
-            "all colours; cover lens and viewfinder, and take them in the dark"
-        )
+        found = f"light fell in: their levels are {levels} codes, with a noise of {noises}"
+        why = "as they do in light, most in W, which sees all colours"
+        remedy = "cover lens and viewfinder, and take them in the dark"
+        raise InputError(f"dark frames: {found}: both rise from filter to filter {why}; {remedy}")
     lifts = []
     for window in places.windows(planes):
         signal, here = mean[window], planes[window]

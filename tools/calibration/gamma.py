@@ -65,8 +65,7 @@ _WORST_CONDITION, _PER_CHANNEL = 60.0, 20.0
 # With these four, the 95 % intervals of random cameras cover gamma in 91 to 96 %
 # (tests.benchmarks.coverage).
 _TRUST = 8.0  # weight of the noise line beside a place's own variance, in samples
-_REJECT = 4.0  # standard deviations
-_HUBER = 2.5
+_REJECT, _HUBER = 4.0, 2.5  # standard deviations
 _GAMMA_ROUNDS = 8
 _STEADY_SHARE = 0.02  # change of what noise does not explain, from round to round
 # times the variance of the noise: what an even area has at most, as few samples estimate it

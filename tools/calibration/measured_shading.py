@@ -29,8 +29,6 @@ _KNOWN = 0.7  # of the windows: fewer do not tell a smooth gain everywhere
 _POINTS, _COLOUR_POINTS = (13, 17), (6, 7)
 # Third differences of control points that are likely: large in the corners of fast lenses.
 _ROUGH, _COLOUR_ROUGH = 5.0, 0.05
-# The second round sees windows that are nearly even, whose means are those of their middles.
-_SHADING_ROUNDS = 2
 _LEAST_ERROR = 1e-4  # share of the light: no flat frame is more exact
 _WORST = 0.01  # standard error of the gain, as a share: beyond it the frames are too dark
 _NOISE = 1.3  # times the noise that windows show of themselves: they do not know it better
@@ -40,9 +38,7 @@ _RESIDUAL = 0.005  # share of the light, beyond noise: more is no shading
 _LIGHT_TILT, _TILT = 0.1, 0.03
 _CENTRE = 0.05  # of the diagonal
 _CLEARLY = 0.8  # times the residual: a displaced centre explains the frames better than a tilt
-_EVEN = 0.02  # less than this is no shading
-_ERRORS = 4.0  # standard errors: less than this is none either
-_DIGITS = 6
+_EVEN, _ERRORS = 0.02, 4.0  # as a share, and in standard errors: less than this is no shading
 _CLIPPED_FRACTION = 2e-3  # of the samples of a plane: more of them, and it is not just defects
 _STRIPS = 4  # of an axis, in which frames are compared with each other
 # share by which the light of a frame may fall off in another way than that of all together
@@ -115,7 +111,8 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
     focal = _common_focal_length(frames)
     light, falloffs = _mean_of_unclipped(frames)
     shading, error = Shading(np.ones((len(pattern.planes), 4, 4)), shape, focal), 0.0  # type: ignore[arg-type]
-    for _ in range(_SHADING_ROUNDS):
+    # The second round sees windows that are nearly even, whose means are those of their middles.
+    for _ in range(2):
         windows = _measured(light, frames[0][1], shading)
         if windows.light.shape[1] < _KNOWN * math.prod(windows.number):
             most = "most of their windows are without samples of each filter"
@@ -260,7 +257,7 @@ def _refined(shading: Shading, windows: _Windows) -> tuple[Shading, float]:
         raise InputError(f"flat frames: {fault}; {remedy}")
     centre = np.array([[(length - 1) / 2] for length in size])
     scaled = [(gain / _values(gain, size, centre)[0]).tolist() for gain in (*gains, panchromatic)]
-    rounded = [[[float(f"{x:.{_DIGITS}g}") for x in row] for row in gain] for gain in scaled]
+    rounded = [[[float(f"{x:.6g}") for x in row] for row in gain] for gain in scaled]
     return replace(shading, gain=rounded), error  # type: ignore[arg-type]
 
 
@@ -358,8 +355,7 @@ def _check_light(windows: _Windows, shading: Shading, letters: str) -> None:
         tilts[key] = min(fit_tilt(centre, plane)[:2] for centre in centres)
     for which, (tilt, side) in tilts.items():
         if tilt > (limit := _TILT if which else _LIGHT_TILT):
-            raise InputError(
-                f"flat frames: the light is tilted{which}: {100 * tilt:.1f} % brighter at the "
-                f"{side} of the sensor than opposite, {100 * limit:.0f} % are allowed; take an "
-                "evenly lit surface, and turn the camera by half a turn to see what is the light's"
-            )
+            much = f"{100 * tilt:.1f} % brighter at the {side} of the sensor than opposite"
+            fault = f"the light is tilted{which}: {much}, {100 * limit:.0f} % are allowed"
+            turn = "turn the camera by half a turn to see what is the light's"
+            raise InputError(f"flat frames: {fault}; take an evenly lit surface, and {turn}")

@@ -17,7 +17,6 @@ from . import places
 from .dark_frames import DEFECT, HIDDEN, ROUNDING, DarkResult
 from .places import Named, PlaceSamples
 
-_FIT_ROUNDS = 12
 _LEAST_SHARE = 0.2  # of the variance that a place shows: its weight does not count on less
 _HIGH = 4.0  # standard deviations above the line: beyond is texture, not noise
 _DEAD = 0.5  # a pixel in a flat frame is dead below this part of the median of its plane nearby
@@ -86,7 +85,7 @@ def fit_photon_transfer(
     offset = 0.0 if read is None else read**2
     predicted = np.maximum(variance, variance.mean() * 1e-3) if mean.size else variance
     kept: BoolArray = np.ones(mean.size, bool)
-    for _ in range(_FIT_ROUNDS):
+    for _ in range(12):
         weight = (root / np.maximum(predicted, 1e-15))[kept]
         coefficients, _ = nnls(signed[kept] * weight[:, None], (variance[kept] - offset) * weight)
         least = np.maximum(_LEAST_SHARE * variance, 1e-15)
@@ -295,10 +294,9 @@ def noise_of_flats(
         allowed = f"{100 * _WORST_NOISE:.0f} % are allowed"
         fault = f"tell the noise at full scale only to {spread}, and {allowed}"
     if fault:
-        raise InputError(
-            f"flat frames: {noise.source} {fault}; take two frames of each of several exposures, "
-            "up to three quarters of full scale, and dark frames (`dark`)"
-        )
+        exposures = "several exposures, up to three quarters of full scale"
+        remedy = f"take two frames of each of {exposures}, and dark frames (`dark`)"
+        raise InputError(f"flat frames: {noise.source} {fault}; {remedy}")
     return noise
 
 

@@ -14,7 +14,6 @@ from .chart.place import COLUMNS, PATCHES
 
 _PLACE = re.compile(r"([A-F])0?([1-6])", re.IGNORECASE)
 _COLUMNS = (("XYZ_X", "XYZ_Y", "XYZ_Z"), ("LAB_L", "LAB_A", "LAB_B"))
-_WORD = re.compile(r'"([^"]*)"|([^"\s]+)')
 _WHITE = 18
 _LARGEST_COORDINATE = 10_000
 _LEAST_WHITE, _MOST_WHITE = 0.7, 1.1  # Y of the white patch: 0.88 to 0.92 on charts sold
@@ -94,7 +93,7 @@ def _checked(reference: DoubleArray) -> DoubleArray:
 
 def _table(text: str) -> tuple[list[str], list[list[str]]]:
     """Return field names and rows of the first table."""
-    words = [quoted or bare for quoted, bare in _WORD.findall(text)]
+    words = [quoted or bare for quoted, bare in re.findall(r'"([^"]*)"|([^"\s]+)', text)]
     try:
         begin = words.index("BEGIN_DATA_FORMAT")
         fields = words[begin + 1 : words.index("END_DATA_FORMAT", begin)]

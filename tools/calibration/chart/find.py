@@ -35,14 +35,13 @@ _BOX = 0.25 / 2.75 / 2
 # too; walls are above 15.
 _LARGEST_DIFFERENCE, _WORTH_REFINING = 8.0, 16.0
 _ROUGHEST = 0.35  # standard deviation of log luminance inside a patch, median over patches
-_PROBE = 5  # points across a patch
-_EXTREMES = 5  # of its points, lowest and highest that do not count: defects, glints
+# Points across a patch; lowest and highest of them that do not count: defects, glints.
+_PROBE, _EXTREMES = 5, 5
 _IN_GAP = 0.045  # chart units from the middle of a gap: gaps are 0.12 to 0.16 wide
 _EDGE = 0.78  # chart units: the square that refinement makes uniform, nearly the whole patch
 # pixels: a hole is filled from samples at most this far away; no site of a scattered tile is
 # farther from one
 _REACH = 2
-_WHITE_Q = 0.99  # quantile of a channel that is shown as white
 
 
 def find_chart(mosaic: Mosaic, reference: DoubleArray) -> ChartPlace:
@@ -68,12 +67,12 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray) -> ChartPlace:
                 _check_size(refined, mosaic)
                 return refined
             why = f"; the likeliest place was refused: {fault}"
-    raise InputError(
-        f"no ColorChecker was found whole inside the frame{why}. Its colours must be those of the "
-        "`chart` file, if one is given, its white must read about three quarters, its patches be "
-        f"at least {least_pitch(period)} pixels apart at period {period}; if the chart is there, "
-        "give its corners: `corners` x,y x,y x,y x,y"
-    )
+    fault = f"no ColorChecker was found whole inside the frame{why}"
+    colours = "Its colours must be those of the `chart` file, if one is given"
+    apart = f"its patches be at least {least_pitch(period)} pixels apart at period {period}"
+    rules = f"{colours}, its white must read about three quarters, {apart}"
+    remedy = "if the chart is there, give its corners: `corners` x,y x,y x,y x,y"
+    raise InputError(f"{fault}. {rules}; {remedy}")
 
 
 def chart_at(mosaic: Mosaic, corners: Matrix, reference: DoubleArray) -> ChartPlace:
@@ -251,14 +250,14 @@ def linear_picture(mosaic: Mosaic) -> FloatArray:
     if pattern.derived is not None:  # in its place, luminance tells as much
         ratios[..., pattern.derived] = 1
     middle = np.array([rows[0], columns[0]]) + (np.array(grid.block_shape) - 1) / 2
-    places = (np.indices(mosaic.shape) - middle[:, None, None]) / pattern.period
+    steps = (np.indices(mosaic.shape) - middle[:, None, None]) / pattern.period
     planes = np.moveaxis(ratios, -1, 0)
-    filled = [map_coordinates(plane, places, order=1, mode="nearest") for plane in planes]
+    filled = [map_coordinates(plane, steps, order=1, mode="nearest") for plane in planes]
     chromaticity = np.stack(filled, axis=-1)
     return (chromaticity * luminance[..., None]).astype(np.float32)
 
 
-def shown_picture(picture: FloatArray, exponent: float = 2.0, white: float = _WHITE_Q) -> ByteArray:
+def shown_picture(picture: FloatArray, exponent: float = 2.0, white: float = 0.99) -> ByteArray:
     """Return a linear picture (H, W, C) as uint8 RGB (H, W, 3), each channel stretched by itself.
 
     The first, middle and last channel are shown as red, green and blue.
