@@ -340,8 +340,6 @@ class Session:
         stated, base = mosaic.calibration.without_estimates(), self.measured.base
         sensor = self._sensor or stated.sensor or (base.calibration.sensor if base else "")
         facts = self._checked_facts(path, mosaic, kind)
-        stated = replace(stated, sensor=sensor)
-        mosaic = Mosaic(mosaic.codes, mosaic.pattern, stated, mosaic.metadata)
         if stated.camera and stated.camera not in self._cameras:
             for first, black in [*self._cameras.values()][:1]:
                 line = f"{path} states the calibration of another camera file than {first}"
@@ -351,14 +349,13 @@ class Session:
                 self.console.note(f"{line}: are all frames from one camera?")
             self._cameras[stated.camera] = path, stated.black_level
         defects = tuple(sorted(self._defects.union(stated.defects)))
-        mosaic = mosaic.calibrated(replace(stated, **self._known, defects=defects))
+        calibration = replace(stated, sensor=sensor, **self._known, defects=defects)
+        mosaic = replace(mosaic, samples=mosaic.codes, calibration=calibration)
         if check := _CHECKS.get(kind):
             check(mosaic)
-        digest = hashlib.sha256(mosaic.codes.data).digest()
-        if digest in self._paths:
-            first = self._paths[digest]
+        first = self._paths.setdefault(hashlib.sha256(mosaic.codes.data).digest(), path)
+        if first != path:
             raise InputError(f"it is the same shot as {first}: a copy adds nothing; leave it out")
-        self._paths[digest] = path
         end, share = (0, 0.0) if kind == "dark" else plateau(mosaic)
         if share and end not in self._ends:
             self._ends.add(end)
