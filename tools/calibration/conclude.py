@@ -207,7 +207,7 @@ def conclude_gamma(measured: Measurements) -> Finding:
         if len(measured.calibration.channels) >= FEWEST_CHANNELS:
             line += "; shoot a ColorChecker, and add it with `update`"
         return Finding(missing=line)
-    black, others = _contradictions(gammas, measured.shots)
+    black, others = _contradictions(measured)
     fit = max(gammas.values(), key=lambda each: each.worst)
     refusal = "; ".join(each.fault for each in gammas.values() if each.fault)
     # If only a black level that was assumed is contradicted, gamma covers it, and dark frames may
@@ -234,22 +234,20 @@ def conclude_gamma(measured: Measurements) -> Finding:
     return Finding(facts, changes, warnings, black + others, refusal, fit)
 
 
-def _contradictions(
-    fits: Mapping[str, GammaFit], shots: Sequence[ShotMeasurement]
-) -> tuple[list[str], list[str]]:
+def _contradictions(measured: Measurements) -> tuple[list[str], list[str]]:
     """Return what contradicts the black level, and what else does not fit together, by more than
     four standard errors, and what to shoot instead; a sentence each.
     """
     black, others = [], []
     remedy = "give only shots of one session, with one lens, or shoot the chart anew in even light"
-    for light, fit in fits.items():
+    for light, fit in measured.gammas.items():
         is_linear = fit.bend[1] < _BENT
         if is_linear and abs(fit.black_deviation) > _CONTRADICTION:
             black.append(_wrong_black(fit))
         if is_linear and fit.unexplained > SUFFERS:
             others.append(_not_following(fit))
         if fit.contradiction > _CONTRADICTION:
-            under = [shot for shot in shots if light in ("", shot.light)]
+            under = [shot for shot in measured.shots if light in ("", shot.light)]
             gammas = "; ".join(f"{shot.name} {shot.fit.words}" for shot in under)
             apart = f"by {fit.contradiction:.0f} standard deviations: {gammas}"
             others.append(f"the shots contradict each other in gamma {apart}; {remedy}")
@@ -308,11 +306,9 @@ def _gamma_warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
     elif not fit.follows and fit.unexplained <= SUFFERS:
         warnings.append(_not_following(fit))
     for shot in shots:
-        clipped = shot.places.clipped
-        for left_out, why in (
-            (clipped, "clipped, expose less"),
-            (~shot.fit.used & ~clipped, "unlike the others, avoid reflections and dirt"),
-        ):
+        clipped, unlike = shot.places.clipped, "unlike the others, avoid reflections and dirt"
+        others = ~shot.fit.used & ~clipped
+        for left_out, why in ((clipped, "clipped, expose less"), (others, unlike)):
             if names := ", ".join(np.array(NAMES)[left_out]):
                 warnings.append(f"{shot.name}: {names} left out: {why}")
     return warnings
@@ -473,8 +469,7 @@ def conclude_black_level(measured: Measurements) -> Finding:
     """Return the black level of each plane, and a warning of codes that are too coarse for the read
     noise.
     """
-    dark = measured.dark
-    if dark is None:
+    if (dark := measured.dark) is None:
         return Finding()
     why = "the read noise is smaller than rounding to codes shows"
     coarse = f"{why}, so the dark frames do not tell it; use more gain or more bits"
@@ -584,8 +579,7 @@ def noise_change(old: Camera, new: Camera) -> tuple[str, bool]:
 
 def conclude_shading(measured: Measurements) -> Finding:
     """Return how light falls off, for each plane, and a warning if black level was assumed."""
-    result = measured.shading
-    if result is None:
+    if (result := measured.shading) is None:
         return Finding()
     # Light that is black in truth does not fall off.
     line = "shading was measured with a black level that is assumed; take dark frames (`dark`)"
