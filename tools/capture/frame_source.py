@@ -20,6 +20,7 @@ from ...device.capture.frame_check import FrameError, checked
 from ...device.capture.frame_folder import watch_folder
 from ...device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from ...shared import ByteArray, Camera, CfaPattern, InputError, SensorCalibration
+from ...shared.reading import naming
 from ..simulation.simulated_camera import built_in_sensor, moving_scene, usual_gamma
 from .genicam import GENICAM, SETTINGS, GenicamCamera, Note, Stopped
 
@@ -77,10 +78,13 @@ class SourceOptions:
     fps: float | None = None
 
     def refuse(self, names: Iterable[str], reason: str) -> None:
-        """Raise InputError if one of these is given, though it does not go with the source."""
+        """Raise InputError if one of these is given.
+
+        reason: what it does not go with, and why.
+        """
         for field in fields(self):
             if field.name in names and getattr(self, field.name) != field.default:
-                raise InputError(f"`{field.name}` does not go with {self.source}: {reason}")
+                raise InputError(f"`{field.name}` does not go with {reason}")
 
 
 @dataclass(frozen=True)
@@ -150,13 +154,13 @@ def open_source(options: SourceOptions, described: Described) -> FrameSource:
     """
     source = options.source
     if source == STREAM or source.startswith((_BUILTIN, GENICAM)):
-        options.refuse(["new"], "only a folder can already contain frames")
+        options.refuse(["new"], f"{source}: only a folder can already contain frames")
     if source.startswith(_BUILTIN):
         names = [field.name for field in fields(options)[1:]]
-        options.refuse(names, "the built-in sensor has its own")
+        options.refuse(names, f"{source}: the built-in sensor has its own")
         return _builtin(source, *described(None))
     if source.startswith(GENICAM):
-        options.refuse(["width", "height", "stride"], "the camera says it")
+        options.refuse(["width", "height", "stride"], f"{source}: the camera says it")
         settings = {name: getattr(options, name) for name in SETTINGS}
         plugged = GenicamCamera(source, options.pixel_format, settings)
         known = described(plugged.pattern)
@@ -173,7 +177,7 @@ def open_source(options: SourceOptions, described: Described) -> FrameSource:
             lost=lambda: plugged.lost,
             close=plugged.close,
         )
-    options.refuse(SETTINGS, "only a connected camera, genicam:ID, can be set")
+    options.refuse(SETTINGS, f"{source}: only a connected camera, genicam:ID, can be set")
     if source != STREAM and not Path(source).is_dir():
         expected = "SOURCE is such a folder, -, genicam:ID or builtin:WIDTHxHEIGHT@FPS"
         raise InputError(f"{source}: is not a folder; {expected}")
@@ -259,9 +263,7 @@ def _described(
     """Return the sensor that is described, and notes; known: see `Described`."""
     camera, pattern = known
     if camera:
-        for name in ("sensor_bits", "black"):
-            if getattr(options, name) is not None:
-                raise InputError(f"`{name}` does not go with `camera`: the camera file says it")
+        options.refuse(["sensor_bits", "black"], "`camera`: the camera file says it")
         _check_size(options.source, camera, layout)
         return Sensor(layout, pattern, camera.calibration), ()
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
@@ -286,10 +288,8 @@ def _builtin(source: str, camera: Camera | None, pattern: CfaPattern) -> FrameSo
     if not match or not rate:
         example = "write builtin:WIDTHxHEIGHT@FPS, for example builtin:1200x800@10"
         raise InputError(f"{source!r} is not a built-in sensor; {example}")
-    try:
+    with naming(source):
         calibration = built_in_sensor(pattern, camera)
-    except InputError as error:
-        raise InputError(f"{source}: {error}") from None
     layout = FrameLayout(int(match[1]), int(match[2]), "u16")
     if camera is not None:
         _check_size(source, camera, layout)

@@ -143,8 +143,7 @@ def identify(codes: CodeArray, windows: int = _WINDOWS) -> Identity | None:
     True
     """
     folds = _Folds(codes, windows)
-    repeating = _find_period(folds)
-    if repeating is None:
+    if (repeating := _find_period(folds)) is None:
         return None
     period, certainty = repeating
     quarters = folds.quarters(period)
