@@ -91,14 +91,12 @@ def read_known(path: File) -> Camera:
     """
     camera = read_camera(path)
     planes = len(camera.calibration.black_level)
-    for entry, key, count in (
-        ("gamma", "half_width_95", planes - 1),
-        ("noise", "shot_error", planes),
-        ("noise", "read_error", planes),
-        ("black_level", "standard_error", planes),
-    ):
+    names = "gamma.half_width_95", "noise.shot_error", "noise.read_error"
+    for name in (*names, "black_level.standard_error"):
+        entry, key = name.split(".")
         if (stated := camera.measured.get(entry, {}).get(key)) is not None:
-            numbers(f"{file_name(path)}: measured.{entry}.{key}", stated, count)
+            number = planes - 1 if entry == "gamma" else planes
+            numbers(f"{file_name(path)}: measured.{name}", stated, number)
     return camera
 
 

@@ -13,10 +13,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ...shared import Camera, Mosaic, SensorCalibration, read_dng
-from ...shared.arrays import ByteArray, DoubleArray
+from ...shared import Camera, DoubleArray, InputError, Mosaic, SensorCalibration, read_dng
+from ...shared.arrays import ByteArray
 from ...shared.colorimetry import Matrix
-from ...shared.errors import InputError
 from ..batch.console import Console
 from ..batch.jobs import reason
 from ..io.page import without_folders
