@@ -15,14 +15,15 @@ from pathlib import Path
 from typing import Any, cast
 
 from ...device import Preview
-from ...device.capture import PreviewMaker, Sensor
+from ...device.capture import FrameLayout, PreviewMaker, RawFrame, Sensor, read_frames
 from ...device.capture.frame_check import FrameError, checked
 from ...device.capture.frame_folder import watch_folder
-from ...device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
+from ...device.capture.frames import FORMATS, Bytes, format_named
 from ...shared import ByteArray, Camera, CfaPattern, InputError, SensorCalibration
-from ...shared.reading import naming
+from ...shared.reading import naming, opened_file
 from ..simulation.simulated_camera import built_in_sensor, moving_scene, usual_gamma
 from .genicam import GENICAM, SETTINGS, GenicamCamera, Note, Stopped
+from .layouts import likely_reading
 
 PIXEL_FORMATS = tuple(FORMATS)
 STREAM = "-"
@@ -239,6 +240,30 @@ def layout_of(options: SourceOptions) -> tuple[FrameLayout, int]:
         raise InputError(f"{options.source}: frames have no header; {remedy}. {hint}")
     name, bits = format_named(pixel_format)
     return FrameLayout(width, height, name, options.stride), bits
+
+
+def first_frame(options: SourceOptions) -> tuple[Bytes, FrameLayout]:
+    """Read the first frame of a file or stream as it is described; returns its bytes and their
+    layout.
+
+    Raises InputError for what cannot be read, and for a description that does not fit, as a size
+    that the length of a file contradicts.
+    """
+    layout, _ = layout_of(options)
+    if options.source == STREAM:
+        recording()
+        with standard_input() as stream:
+            return next(read_frames(stream, layout)).data, layout
+    with opened_file(options.source, sys.maxsize, "a raw frame") as file:
+        length = file.seek(0, os.SEEK_END)
+        layout.check_recording(length)
+        file.seek(0)
+        data = file.read(layout.frame_bytes)
+    layout.unpack(data)  # raises InputError
+    if length % layout.frame_bytes:
+        remedy = "a recording whose last frame is cut off can be given on standard input"
+        raise InputError(f"{layout.misfit(length)}; {likely_reading(data, layout) or remedy}")
+    return data, layout
 
 
 def _check_size(source: str, camera: Camera, layout: FrameLayout) -> None:

@@ -1,22 +1,18 @@
-"""The layout of a raw frame: as described, or, where that shows no filters, the format and stride
-with which the bytes do.
+"""The layout of a raw frame that shows no filters as it is described: the format and stride with
+which the bytes do.
 
 Whatever the format, rows resemble each other: the stride is the distance at which the bytes
 resemble themselves most.
 """
 
-import os
-import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from itertools import product
 
 import numpy as np
 
-from ...device.capture.frames import FORMATS, Bytes, FrameLayout, read_frames
-from ...shared import CodeArray, InputError
-from ...shared.reading import opened_file
-from .frame_source import STREAM, SourceOptions, layout_of, recording, standard_input
+from ...device.capture.frames import FORMATS, Bytes, FrameLayout
+from ...shared import CodeArray
 from .identity import identify
 
 # strides at which rows repeat most; groups of samples by which they may be wrong
@@ -33,30 +29,6 @@ _LINE = 30.0
 _CLEAR = 8.0  # a peak stands out by this many times the usual deviation
 Reading = tuple[str, int]
 """Format, and stride in bytes."""
-
-
-def first_frame(options: SourceOptions) -> tuple[Bytes, FrameLayout]:
-    """Read the first frame of a file or stream as it is described; returns its bytes and their
-    layout.
-
-    Raises InputError for what cannot be read, and for a description that does not fit, as a size
-    that the length of a file contradicts.
-    """
-    layout, _ = layout_of(options)
-    if options.source == STREAM:
-        recording()
-        with standard_input() as stream:
-            return next(read_frames(stream, layout)).data, layout
-    with opened_file(options.source, sys.maxsize, "a raw frame") as file:
-        length = file.seek(0, os.SEEK_END)
-        layout.check_recording(length)
-        file.seek(0)
-        data = file.read(layout.frame_bytes)
-    layout.unpack(data)  # raises InputError
-    if length % layout.frame_bytes:
-        remedy = "a recording whose last frame is cut off can be given on standard input"
-        raise InputError(f"{layout.misfit(length)}; {likely_reading(data, layout) or remedy}")
-    return data, layout
 
 
 def likely_reading(data: Bytes, layout: FrameLayout) -> str:

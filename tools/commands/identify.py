@@ -21,9 +21,9 @@ from ...shared.writing import write_durably
 from ..batch.console import Console
 from ..batch.folders import Source, once, plan
 from ..batch.jobs import Job, Outcome, output_folder, run_jobs
-from ..capture.frame_source import STREAM, SourceOptions
+from ..capture.frame_source import STREAM, SourceOptions, first_frame
 from ..capture.identity import UNKNOWN, facts_of
-from ..capture.layouts import first_frame, likely_reading
+from ..capture.layouts import likely_reading
 from ..io.camera_raw import NO_RAW
 from ..io.illustrations import tile_map
 from ..simulation.load import sensor_samples
