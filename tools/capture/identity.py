@@ -216,8 +216,7 @@ class _Folds:
 
     def __init__(self, codes: CodeArray, windows: int) -> None:
         counts = (prod(size // _side(period) for size in codes.shape) for period in _PERIODS)
-        many = (count >= _FEW for count in counts)
-        self.periods = list(compress(_PERIODS, many))
+        self.periods = list(compress(_PERIODS, (count >= _FEW for count in counts)))
         self._windows = cache(lambda side: Windows.of(codes, side, windows))
         self._flat = cache(lambda side, window: self._windows(side).flattened(window))
 

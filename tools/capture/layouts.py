@@ -27,8 +27,6 @@ _BAND = 2049  # frequencies over which the spectrum is evened out
 # at regular distances.
 _LINE = 30.0
 _CLEAR = 8.0  # a peak stands out by this many times the usual deviation
-Reading = tuple[str, int]
-"""Format, and stride in bytes."""
 
 
 def likely_reading(data: Bytes, layout: FrameLayout) -> str:
@@ -52,9 +50,9 @@ def likely_reading(data: Bytes, layout: FrameLayout) -> str:
     return ""
 
 
-def _readings(data: Bytes, layout: FrameLayout) -> Iterator[set[Reading]]:
-    """Yield the likely readings of a frame, then less likely ones: strides that are a little
-    off.
+def _readings(data: Bytes, layout: FrameLayout) -> Iterator[set[tuple[str, int]]]:
+    """Yield the likely readings of a frame, format and stride in bytes, then less likely ones:
+    strides that are a little off.
     """
     # Scattered sites repeat in every other row, too, and rows that are shifted by a pixel or two
     # resemble each other even more.

@@ -36,8 +36,6 @@ _VIEWERS = 8
 # seconds after which the last picture is sent again: Chromium shows a picture when the next one
 # comes, and proxies want to hear something
 _STALL = 1.0
-_FREED = 2 * _STALL  # seconds that a new viewer waits for the seat of one who has left
-_SEND_BUFFER = 1 << 17  # bytes: whatever waits in the buffer makes a slow client's picture older
 
 
 Report = Callable[[BaseException], None]
@@ -148,12 +146,14 @@ class _Handler(SimpleHTTPRequestHandler):
                 self._answer({"file": shot.path.name, "write_ms": 1e3 * shot.write})
 
     def _stream(self) -> None:
-        if not self.server.seats.acquire(timeout=_FREED):
+        # A new viewer waits for the seat of one who has left.
+        if not self.server.seats.acquire(timeout=2 * _STALL):
             reason = f"{_VIEWERS} people look through this camera already"
             self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, reason)
             return
         try:
-            self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
+            # Whatever waits in the buffer makes a slow client's picture older.
+            self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 17)
             self.send_response(HTTPStatus.OK)
             self.send_header("Content-Type", f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
             self.end_headers()

@@ -24,7 +24,6 @@ from ...shared import ByteArray, CfaPattern, InputError, Mosaic
 from .frame_source import Refused
 
 _SPAN, _MISSED = 2.0, 2.5  # seconds, and intervals, without a picture: the camera counts as silent
-_ROWS = 17  # every one of these is looked at for clipped samples: no period has this divisor
 _WIDEST = 1440  # pixels: a wider picture does not fit a phone or a page, and costs the camera time
 
 
@@ -95,7 +94,8 @@ class Viewfinder:
         """
         options: Any = {"level": 80, "subsampling": "420"}  # quality enough for a moving picture
         jpeg = bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), **options))
-        clipped = float((mosaic.codes[::_ROWS] >= mosaic.calibration.white_level).mean())
+        # Some rows show how much is clipped; no period has this divisor.
+        clipped = float((mosaic.codes[::17] >= mosaic.calibration.white_level).mean())
         now = monotonic()
         with self._changed:
             number = self._view.number + 1 if self._view else 1
