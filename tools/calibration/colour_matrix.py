@@ -167,8 +167,7 @@ def _white_preserving(
     _, a, b = xyz_to_lab(reference).T
     emphasis = 1 / (1 + 0.045 * np.hypot(a, b))
     slopes = lab_slopes(reference) * emphasis[:, None, None] * used[:, None, None]
-    free = camera @ basis
-    design = np.einsum("nij,nk->nijk", slopes, free).reshape(3 * len(camera), -1)
+    design = np.einsum("nij,nk->nijk", slopes, camera @ basis).reshape(3 * len(camera), -1)
     target = np.einsum("nij,nj->ni", slopes, reference - camera @ start.T).ravel()
     solution, *_ = np.linalg.lstsq(design, target, rcond=None)
     return start + solution.reshape(3, -1) @ basis.T

@@ -144,8 +144,9 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
     findings = {name: find(measured) for name, (find, _) in _ENTRIES.items()}
     changes = {name: value for entry in findings.values() for name, value in entry.changes.items()}
     made = provenance or {}
-    facts = {name: entry.facts for name, entry in findings.items() if entry.facts is not None}
-    sources = {name: {**made, **of_entry} for name, of_entry in facts.items()}
+    sources = {
+        name: {**made, **one.facts} for name, one in findings.items() if one.facts is not None
+    }
     if calibration.noise and "noise" not in changes and "gamma" in changes:
         # Noise is in scene units, and the new gamma rescales these.
         rescaled = calibration.full_scale / math.fsum(changes["gamma"])
@@ -265,8 +266,7 @@ def _wrong_black(fit: GammaFit) -> str:
     if abs(lever) > _LEVER:
         codes, codes_error = (value * span / lever for value in (offset, error))
         direction = "higher" if codes > 0 else "lower"
-        size = f"{abs(codes):.1f} ± {abs(codes_error):.1g}"
-        estimate = f": it seems to be {size} codes {direction}"
+        estimate = f": it seems to be {abs(codes):.1f} ± {abs(codes_error):.1g} codes {direction}"
     which = "that is assumed"
     remedy = "take dark frames (`dark`), and give them together with these shots"
     if fit.assumed.black_measured:
@@ -544,8 +544,7 @@ def _stored_noise(measured: Measurements) -> list[str]:
     stated, calibration = measured.known.get("noise"), measured.calibration
     if stated is None or (model := calibration.noise) is None:
         return []
-    exact = [0.0] * len(model.shot)
-    errors = (stated.get(f"{name}_error", exact) for name in ("shot", "read"))
+    errors = (stated.get(f"{name}_error", [0.0] * len(model.shot)) for name in ("shot", "read"))
     figures_of = np.array([model.shot, model.read, *errors]) / calibration.full_scale
     lines = tuple(PhotonTransfer(*plane) for plane in figures_of.T.tolist())
     charts = [shot.places for shot in measured.shots]
@@ -569,8 +568,7 @@ def noise_change(old: Camera, new: Camera) -> tuple[str, bool]:
         key, values = f"{name}_error", np.array([getattr(before, name), getattr(after, name)])
         first, last = values / scales
         if all(key in of_noise for of_noise in facts):
-            errors = np.array([of_noise[key] for of_noise in facts])
-            half = SIGMAS * (errors / scales).sum(axis=0)
+            half = SIGMAS * (np.array([of_noise[key] for of_noise in facts]) / scales).sum(axis=0)
             beyond |= bool((np.abs(last - first) > half).any())
         moved = 100 * (last / np.maximum(first, 1e-12) - 1)
         words.append(f"{kind} by {moved.min():+.3g} to {moved.max():+.3g} %")

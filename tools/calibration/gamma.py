@@ -139,9 +139,7 @@ class Assumed:
         return np.diag(np.concatenate([np.zeros(len(gamma)), [black], shading.ravel()]))
 
 
-def unknowns(
-    colours: DoubleArray, places: DoubleArray, dimming: DoubleArray | float = 0.0
-) -> DoubleArray:
+def unknowns(colours: DoubleArray, where: DoubleArray, dimming: DoubleArray | float) -> DoubleArray:
     """Return what each unknown adds to the panchromatic level at N places, (N, P).
 
     The unknowns are gamma, (C,), an offset, and shading of each channel, C each: in two shapes that
@@ -151,15 +149,15 @@ def unknowns(
     ----------
     colours : DoubleArray
         (N, C), levels of the channels.
-    places : DoubleArray
+    where : DoubleArray
         (N, 2), row and column from the middle of the frame, in halves of its diagonal; or (1, 2),
         one place of all.
-    dimming : DoubleArray | float, optional
+    dimming : DoubleArray | float
         (N, C), see `PlaceSamples`; half of it, and more or less as the unknown says.
     """
-    places = np.broadcast_to(places, (len(colours), 2))
-    square = (places**2).sum(axis=1, keepdims=True)
-    shapes = (square, 4 * square * (1 - square), places[:, :1], places[:, 1:], dimming / 2)
+    where = np.broadcast_to(where, (len(colours), 2))
+    square = (where**2).sum(axis=1, keepdims=True)
+    shapes = (square, 4 * square * (1 - square), where[:, :1], where[:, 1:], dimming / 2)
     one = np.ones((len(colours), 1))
     terms = colours * (1 + dimming / 2), one, *(colours * shape for shape in shapes)
     return np.concatenate(terms, axis=1)
@@ -245,7 +243,7 @@ class GammaFit:
     def _at_charts(self) -> tuple[DoubleArray, DoubleArray]:
         solution, covariance = self._solved()
         one = np.eye(len(self.assumed.calibration.channels))
-        terms = np.mean([unknowns(one, place[None]) for place in self.where], axis=0)
+        terms = np.mean([unknowns(one, place[None], 0.0) for place in self.where], axis=0)
         terms[:, len(one)] = 0.0  # the offset is no part of gamma
         return terms @ solution, terms @ covariance @ terms.T
 

@@ -105,9 +105,8 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
     pattern, shape = frames[0][1].pattern, frames[0][1].shape
     least = _FEWEST * _PERIODS * pattern.period
     if min(shape) < least:
-        size = f"{shape[1]} x {shape[0]} pixels"
         needed = f"along each side it takes {least}, {_FEWEST * _PERIODS} periods of the pattern"
-        raise InputError(f"flat frames: {size} do not tell it; {needed}")
+        raise InputError(f"flat frames: {shape[1]} x {shape[0]} pixels do not tell it; {needed}")
     focal = _common_focal_length(frames)
     light, falloffs = _mean_of_unclipped(frames)
     shading, error = Shading(np.ones((len(pattern.planes), 4, 4)), shape, focal), 0.0  # type: ignore[arg-type]
@@ -219,8 +218,7 @@ def _measured(light: DoubleArray, frame: Mosaic, shading: Shading) -> _Windows:
             # Second differences do not see light that falls off.
             error = max(np.diff(kept, 2).std() / (6 * len(kept)) ** 0.5, _LEAST_ERROR * mean)
             middle = window[0].start + rows.mean(), window[1].start + columns.mean()
-            undone = gain[window][rows, columns].mean()
-            measured[:, plane, number] = *middle, undone, mean, error
+            measured[:, plane, number] = *middle, gain[window][rows, columns].mean(), mean, error
     known = measured[:, :, np.isfinite(measured).all(axis=(0, 1))]
     return _Windows((down, right), known[:2], *known[2:])
 

@@ -330,7 +330,7 @@ def contradiction(
     if charts:
         patches = np.concatenate([_panchromatic(chart) for chart in charts], axis=1)
         gain = float(calibration.shading.sketch[-1].max()) if calibration.shading else 1.0
-        rows.append(("photon", photon, _chart_shot(*patches), gain, "the chart"))
+        rows.append(("photon", photon, _fit_chart(*patches), gain, "the chart"))
     if dark and dark.shows_read:
         free = white if points is None else fit_photon_transfer(*_panchromatic(points))
         read = float(dark.read[-1] / (calibration.white_level - calibration.black_level[-1]))
@@ -348,9 +348,7 @@ def _panchromatic(points: PlaceSamples) -> tuple[DoubleArray, DoubleArray, Doubl
     return points.mean[here], points.variance[here], points.count[here]
 
 
-def _chart_shot(
-    mean: DoubleArray, variance: DoubleArray, count: DoubleArray
-) -> tuple[float, float]:
+def _fit_chart(mean: DoubleArray, variance: DoubleArray, count: DoubleArray) -> tuple[float, float]:
     """Return by how much the variance of patches grows with the light, and the standard error.
     Fixed pattern and texture grow with its square.
     """

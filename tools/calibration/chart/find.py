@@ -113,10 +113,9 @@ def _proposed(shown: ByteArray, size: int, threshold: float, factor: float) -> I
     settings.adaptiveThreshConstant, settings.B0factor = threshold, factor
     detector.setDetectionParams(settings)
     try:
-        has_charts = detector.process(small, nc=2)
+        if not detector.process(small, nc=2):
+            return  # asking it for a chart would end the process
     except cv2.error:  # an assertion of OpenCV 5.0 fails on some walls of bricks
-        return
-    if not has_charts:  # asking it for a chart would end the process
         return
     edge = (1 - PATCH) / 2
     box, patches = (rectangle(-off, -off, COLUMNS + off, ROWS + off) for off in (_BOX, -edge))
@@ -253,8 +252,7 @@ def linear_picture(mosaic: Mosaic) -> FloatArray:
     steps = (np.indices(mosaic.shape) - middle[:, None, None]) / pattern.period
     planes = np.moveaxis(ratios, -1, 0)
     filled = [map_coordinates(plane, steps, order=1, mode="nearest") for plane in planes]
-    chromaticity = np.stack(filled, axis=-1)
-    return (chromaticity * luminance[..., None]).astype(np.float32)
+    return (np.stack(filled, axis=-1) * luminance[..., None]).astype(np.float32)
 
 
 def shown_picture(picture: FloatArray, exponent: float = 2.0, white: float = 0.99) -> ByteArray:

@@ -50,8 +50,7 @@ class ChartPlace:
         turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
         if not (turns > 0).all():
             fault = "the corners are not clockwise around a convex quadrilateral"
-            remedy = "give those at dark skin, bluish green, black, white"
-            raise InputError(f"chart: {fault}; {remedy}")
+            raise InputError(f"chart: {fault}; give those at dark skin, bluish green, black, white")
 
     @cached_property
     def _to_frame(self) -> DoubleArray:
