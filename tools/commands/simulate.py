@@ -143,7 +143,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         for path in beside[2:]:
             moved = simulated_camera.motion_text(motions, mosaic.shape)
             write_durably(path, moved.encode(), **keep(path))
-        notes.append((job.source, (*exposed.notes, *missing)))
+        notes.append((job.source, (*scene.notes, *missing)))
         rows, columns = mosaic.shape
         size = f"{columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits"
         written = [str(path) for path in job.outputs if not (missing and path == beside[1])]

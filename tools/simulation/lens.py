@@ -61,9 +61,6 @@ class Lens:
         return replace(calibration, shading=shading)
 
 
-NO_LENS = Lens()
-
-
 def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int]) -> Shading:
     """The shading of a lens whose optical axis meets the middle of the frame.
 

@@ -4,11 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...shared import FloatArray, InputError
-from ...shared.calibration import NoiseModel, SensorCalibration
-from ...shared.metadata import CaptureMetadata
-from ...shared.mosaic import Mosaic
-from ...shared.pattern import CfaPattern
+from ...shared import CfaPattern, FloatArray, InputError, Mosaic, NoiseModel, SensorCalibration
 
 # A small modern sensor in scene units at gamma = (1, 1, 1): 15,000 electrons at full scale (3 scene
 # units), read noise 3 electrons.
@@ -52,7 +48,6 @@ def simulate_additive(
     calibration: SensorCalibration,
     sigma: float,
     rng: np.random.Generator,
-    metadata: CaptureMetadata | None = None,
 ) -> Mosaic:
     """Photograph a scene by the paper's protocol: additive Gaussian noise on every sample, nothing
     clipped.
@@ -72,8 +67,6 @@ def simulate_additive(
         Standard deviation of the noise, scene units, 0 or more.
     rng : np.random.Generator
         Source of the noise.
-    metadata : CaptureMetadata | None, optional
-        Capture data of the mosaic.
     """
     samples = sample(rgb, pattern, calibration)
     if sigma:
@@ -81,7 +74,7 @@ def simulate_additive(
             samples += rng.normal(0, sigma, samples.shape).astype(np.float32)
     samples = _shaded(samples, pattern, calibration, undone=True)
     known = replace(calibration, noise=NoiseModel.gaussian(sigma, len(pattern.planes)))
-    return Mosaic(samples, pattern, known, metadata or CaptureMetadata())
+    return Mosaic(samples, pattern, known)
 
 
 def simulate_sensor(
@@ -90,7 +83,6 @@ def simulate_sensor(
     calibration: SensorCalibration,
     exposure: float,
     rng: np.random.Generator,
-    metadata: CaptureMetadata | None = None,
 ) -> Mosaic:
     """Photograph a scene as a real sensor does: shot noise (Poisson), read noise, clipping at full
     scale, quantisation.
@@ -111,8 +103,6 @@ def simulate_sensor(
         Factor by which the light is multiplied, positive.
     rng : np.random.Generator
         Source of the noise.
-    metadata : CaptureMetadata | None, optional
-        Capture data of the mosaic.
     """
     noise = calibration.noise or typical_noise(calibration)
     known = replace(calibration, noise=noise)
@@ -123,7 +113,7 @@ def simulate_sensor(
     counted = np.where(shot > 0, rng.poisson(electrons) * shot, light)
     noisy = np.minimum(counted + rng.normal(0, 1, light.shape) * read, calibration.full_scale)
     codes = Mosaic(noisy, pattern, replace(known, shading=None)).codes
-    return Mosaic(codes, pattern, known, metadata or CaptureMetadata())
+    return Mosaic(codes, pattern, known)
 
 
 def _shaded(

@@ -11,19 +11,18 @@ of up to 0.7 of the highest frequency by less than 3 % of a scene between 0 and 
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import count, repeat
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
-from ...shared.arrays import FloatArray
-from ...shared.errors import InputError
+from ...shared import Camera, CaptureMetadata, CfaPattern, FloatArray, InputError, Mosaic
+from ...shared.calibration import SensorCalibration
 from ..io.scene import Scene
 from .drawn.builtin import builtin_scene
 from .filters import Filters, filters_for
-from .lens import NO_LENS, Lens
+from .lens import Lens
 from .protocols import PaperProtocol, Protocol, SensorProtocol
 from .sensor import simulate_additive, simulate_sensor, typical_noise
 
@@ -273,7 +272,6 @@ def motion_text(frames: Mapping[str, SimulatedFrame], shape: tuple[int, int]) ->
 
 BITS = 12
 """Bits of a sample, unless others are asked for."""
-FULL_EXPOSURE = SensorProtocol(1.0)
 _SWING = 16  # the frame moves on a circle; its radius is the shorter side divided by this
 _SEED = 0
 
@@ -291,23 +289,21 @@ class Exposed(NamedTuple):
     white : float
         What the scene's white reads in the shot, scene units: amount of light times exposure. It is
         the peak of every measure of a picture of this shot, so that figures fall with the light.
-    notes : tuple[str, ...]
-        Remarks for the user on the scene.
     """
 
     mosaic: Mosaic
     truth: FloatArray
     white: float
-    notes: tuple[str, ...] = ()
 
 
+@dataclass(eq=False)
 class SimulatedCamera:
     """A camera that photographs scenes: that in a camera file, or else one with the channels of the
     pattern.
 
     Raises InputError for any other number of bits than a sensor has.
 
-    Parameters
+    Attributes
     ----------
     pattern : CfaPattern
         Its filters.
@@ -322,20 +318,17 @@ class SimulatedCamera:
         How it shades.
     """
 
-    def __init__(
-        self,
-        pattern: CfaPattern,
-        known: Camera | None = None,
-        protocol: Protocol = FULL_EXPOSURE,
-        *,
-        bits: int | None = None,
-        lens: Lens = NO_LENS,
-    ) -> None:
-        self._pattern, self._protocol, self._lens = pattern, protocol, lens
-        drawn = SensorCalibration(pattern.channels, sensor="simulated")
-        self._is_measured, sensor = known is not None, known.calibration if known else drawn
-        if known is None or bits is not None:
-            bits, headroom = BITS if bits is None else bits, protocol.headroom
+    pattern: CfaPattern
+    known: Camera | None = None
+    protocol: Protocol = field(default_factory=SensorProtocol)
+    bits: int | None = None
+    lens: Lens = field(default_factory=Lens)
+
+    def __post_init__(self) -> None:
+        drawn = SensorCalibration(self.pattern.channels, sensor="simulated")
+        sensor = self.known.calibration if self.known else drawn
+        if self.known is None or self.bits is not None:
+            bits, headroom = BITS if self.bits is None else self.bits, self.protocol.headroom
             # A sensor clips at white, so nothing lies above it.
             levels = SensorCalibration.of_bits(bits, headroom=headroom, channels=sensor.channels)
             sensor = replace(sensor, black_level=levels.black_level, white_level=levels.white_level)
@@ -346,7 +339,7 @@ class SimulatedCamera:
         filters.
         """
         known = self._sensor
-        if not self._is_measured:
+        if self.known is None:
             known = replace(known, gamma=filters.gamma, noise=typical_noise(known, filters.unit))
         to_xyz, neutral = filters.colours(scene)
         if known.neutral is None:
@@ -369,18 +362,16 @@ class SimulatedCamera:
             None = the scene itself.
         """
         frame = frame or SimulatedFrame(scene.rgb)
-        filters = filters_for(self._pattern, scene)
-        seen, white = filters.of(frame.rgb), self._protocol.light * frame.exposure
+        filters = filters_for(self.pattern, scene)
+        seen, white = filters.of(frame.rgb), self.protocol.light * frame.exposure
         shape = seen.shape[0], seen.shape[1]
-        calibration = self._lens.calibrated(self.before(scene, filters), shape)
-        metadata = frame.metadata(scene.metadata)
+        calibration = self.lens.calibrated(self.before(scene, filters), shape)
         truth = seen if white == 1 else seen * np.float32(white)
-        if isinstance(self._protocol, PaperProtocol):
-            sigma = self._protocol.level
-            mosaic = simulate_additive(truth, self._pattern, calibration, sigma, rng, metadata)
+        if isinstance(self.protocol, PaperProtocol):
+            mosaic = simulate_additive(truth, self.pattern, calibration, self.protocol.level, rng)
         else:
-            mosaic = simulate_sensor(seen, self._pattern, calibration, white, rng, metadata)
-        return Exposed(mosaic, truth, white, scene.notes)
+            mosaic = simulate_sensor(seen, self.pattern, calibration, white, rng)
+        return Exposed(replace(mosaic, metadata=frame.metadata(scene.metadata)), truth, white)
 
 
 def built_in_sensor(pattern: CfaPattern, camera: Camera | None) -> SensorCalibration:

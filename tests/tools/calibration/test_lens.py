@@ -49,10 +49,10 @@ def flats(
     says, red, frames = replace(sensor, shading=None), pattern.filter_map(shape) == 0, []
     for seed, length in enumerate(focal):
         metadata, random = CaptureMetadata(focal_length=length), np.random.default_rng(seed)
-        taken = simulate_sensor(rgb.astype(np.float32), pattern, sensor, light, random, metadata)
+        taken = simulate_sensor(rgb.astype(np.float32), pattern, sensor, light, random)
         codes = taken.codes.copy()
         codes[red & (codes > np.quantile(codes[red], 1 - saturated))] = 4095
-        frames.append((f"flat{seed}.dng", Mosaic(codes, pattern, says, taken.metadata)))
+        frames.append((f"flat{seed}.dng", Mosaic(codes, pattern, says, metadata)))
     return frames
 
 

@@ -163,9 +163,9 @@ def simulate(
     peak = scene.white if isinstance(scene, Picture) else 1.0
     shots = []
     for frame in burst_frames(photographed.rgb, series, source, reduce):
-        mosaic, seen, white, notes = simulated.shoot(photographed, source, frame)
+        mosaic, seen, white = simulated.shoot(photographed, source, frame)
         truth = Picture(seen, mosaic.calibration, mosaic.metadata, white * peak)
-        shots.append(with_notes_shown(Shot(mosaic, truth, photographed.name, notes)))
+        shots.append(with_notes_shown(Shot(mosaic, truth, photographed.name, photographed.notes)))
     return shots[0] if burst is None else shots
 
 
