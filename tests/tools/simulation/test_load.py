@@ -284,7 +284,7 @@ def test_patches_are_the_published_ones() -> None:
     """
     scene = builtin_scene(600, 400)
     size = round(HEIGHT * min(600 / ASPECT, 400))
-    gap = (600 - sum(round(size * aspect) for aspect, _ in CHARTS)) / (len(CHARTS) + 1)
+    gap = (600 - sum(round(size * aspect) for aspect in CHARTS.values())) / (len(CHARTS) + 1)
     top, left = 400 - size - round(GAP * 400), round(gap)
     for index, expected in enumerate(COLOR_CHECKER_LAB):
         row, column = (int((place + 0.5) * size / 4) for place in divmod(index, 6))

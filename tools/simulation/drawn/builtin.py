@@ -23,13 +23,8 @@ CORNER = 0.02  # radius of the card's corners, part of the frame's scale
 Drawing = Callable[[DoubleArray, DoubleArray, float], DoubleArray]
 """Draws a chart, see `charts`."""
 
-# From left to right: width over height, drawing.
-CHARTS: tuple[tuple[float, Drawing], ...] = (
-    (1.5, patches_chart),
-    (1.0, grey_star),
-    (1.0, colour_star),
-    (1.0, detail_chart),
-)
+# From left to right, with width over height.
+CHARTS: dict[Drawing, float] = {patches_chart: 1.5, grey_star: 1, colour_star: 1, detail_chart: 1}
 
 
 def builtin_scene(width: int, height: int) -> Scene:
@@ -61,11 +56,11 @@ def _add_charts(picture: FloatArray, scale: float) -> None:
     """Draw the charts into the picture, in a row along the lower border."""
     height, width = picture.shape[:2]
     size = round(HEIGHT * scale)
-    widths = [round(size * aspect) for aspect, _ in CHARTS]
+    widths = [round(size * aspect) for aspect in CHARTS.values()]
     gap = (width - sum(widths)) / (len(CHARTS) + 1)
     top = height - size - round(GAP * scale)
     left = gap
-    for (_, draw), across in zip(CHARTS, widths, strict=True):
+    for draw, across in zip(CHARTS, widths, strict=True):
         _lay(picture, round(left), top, across, size, scale, draw)
         left += across + gap
 
