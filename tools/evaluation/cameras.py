@@ -3,7 +3,7 @@ a method: a way from the shot of one of the two to a picture.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from os.path import isfile
 from pathlib import Path
@@ -67,8 +67,7 @@ class CameraPair:
 
         Returns float32 (H, W, N) in scene units of the scene, whatever exposure and filters were.
         """
-        picture, gain = render(self.sparse), self.level.light
-        picture = picture / np.float32(gain) if gain != 1 else picture
+        picture = render(self.sparse) / np.float32(self.level.light)
         mixing = np.array(filters_of(self.pattern).matrix)
         if np.array_equal(mixing, np.eye(self.truth.shape[2])):
             return picture
@@ -108,22 +107,16 @@ class Tile:
     pattern: CfaPattern
 
     @classmethod
-    def of_period(cls, period: int) -> "Tile":
-        """The paper's pattern: one Bayer block per period; "K=6" for 6."""
-        return cls(f"K={period}", CfaPattern.bayer(period, ORDER))
-
-    @classmethod
-    def named(cls, pattern: CfaPattern, source: str) -> "Tile":
+    def named(cls, pattern: CfaPattern, source: str = "") -> "Tile":
         """A pattern that the user gave as letters or as a file, which lends it its name unless it
-        is one of the paper's.
+        is one of the paper's: "K=6" is one Bayer block per period of 6.
 
         source: what the user wrote. Raises InputError as `filters_for` does.
         """
         filters_of(pattern)
-        if pattern == CfaPattern.bayer(pattern.period, ORDER):
-            return cls.of_period(pattern.period)
         name = Path(source).stem if isfile(source) else pattern.name or source  # noqa: PTH113 (Path.is_file refuses long names)
-        return cls(name, pattern)
+        tile = cls(name, pattern)
+        return replace(tile, name=f"K={tile.period}") if tile.period else tile
 
     @property
     def period(self) -> int | None:

@@ -51,7 +51,7 @@ def study_of(
         if not path.exists():
             np.save(path, small_scene(78, 90 + 12 * seed, seed))
         scenes.append(Reading().info(str(path)))
-    levels, tiles = PaperProtocol.levels((0.0, 0.03)), (Tile.of_period(6),)
+    levels, tiles = PaperProtocol.levels((0.0, 0.03)), (Tile.named(CfaPattern.bayer(6)),)
     study = Study(tuple(scenes), methods, levels, tiles, Reading())
     return replace(study, **changes)  # type: ignore[arg-type]
 

@@ -186,7 +186,7 @@ def test_a_set_with_a_missing_result_is_not_pooled_and_its_line_has_a_gap(study:
 
 
 def test_tables_hold_every_figure(tmp_path: Path) -> None:
-    tiles = (Tile.of_period(4), Tile.of_period(6), KODAK)
+    tiles = (Tile.named(CfaPattern.bayer(4)), Tile.named(CfaPattern.bayer(6)), KODAK)
     figures = figures_with(study_of(tmp_path, methods=("paper", "bilinear"), tiles=tiles))
     document = json.loads(encode_json(figures, "panchroma 1", ["a.txt: no picture"], {}))
     objects = document["figures"]
@@ -359,7 +359,7 @@ def test_bright_squares_are_darkened(tmp_path: Path, tint: tuple[float, float, f
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
-    tiles = (Tile.of_period(4), Tile.of_period(6), KODAK)
+    tiles = (Tile.named(CfaPattern.bayer(4)), Tile.named(CfaPattern.bayer(6)), KODAK)
     study = study_of(folder, methods=("paper", "bilinear", "dcb"), count=1, tiles=tiles)
     figures, path = measured(study, folder), folder / "evaluation.html"
     failures = ["odd.png: cannot be read"]

@@ -118,7 +118,9 @@ def test_share_and_light() -> None:
     """A colour pixel collects a third of the light of a panchromatic one; cyan, magenta and yellow
     ones two thirds.
     """
-    assert Tile.of_period(6).light == pytest.approx(CfaPattern.bayer(6).light_efficiency())
+    assert Tile.named(CfaPattern.bayer(6)).light == pytest.approx(
+        CfaPattern.bayer(6).light_efficiency()
+    )
     assert Tile("", BROADBAND).light == pytest.approx((12 * 3 + 4 * 2) / 16)
     five = named("VRGWWW/NUGWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW")
     # a site of five lets a fifth of the light through
