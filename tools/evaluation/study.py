@@ -272,17 +272,18 @@ class Team:
         """
         names, left_out = expand(sources, output)
         scenes, failures = [], list[str]()
-        read: Callable[[str], SceneInfo | str] = reading.info
-        results = self.together("reading scenes", read, names, _USUAL_PIXELS, failed=self._fail)
-        for source, info in zip(names, results, strict=True):
-            if isinstance(info, str):
-                failures.append(info)
+        infos = self.attempt("reading scenes", reading.info, names, _USUAL_PIXELS)
+        for source, info in zip(names, infos, strict=True):
+            if isinstance(info, Exception):
+                fault = reason(info)
             elif (needed := needed_memory(info.rows * info.columns)) > self.memory:
                 remedy = "allow it with `max_memory`, or use `crop`"
-                error = InputError(f"needs about {format_bytes(needed)} of memory; {remedy}")
-                failures.append(self._fail(source, error))
+                fault = f"needs about {format_bytes(needed)} of memory; {remedy}"
             else:
                 scenes.append(info)
+                continue
+            failures.append(" ".join(f"{source}: {fault}".split()))
+            self._report(source, failures[-1])
         self.console.notes((scene.source, scene.notes) for scene in scenes)
         scenes, remarks = distinct(scenes)
         self.console.note(*left_out, *remarks)
@@ -302,21 +303,27 @@ class Team:
         results = self.together("measuring", measure, todo, pixels)
         failures = list(dict.fromkeys(line for lines in results for line in lines))
         for line in failures:
-            self.console.error(line)
-            self.console.record(source=line.partition(": ")[0], ok=False, error=line)
+            self._report(line.partition(": ")[0], line)
         return failures
 
     def together(
-        self,
-        title: str,
-        function: Callable[[T], R],
-        items: Sequence[T],
-        pixels: int,
-        failed: Callable[[T, Exception], R] | None = None,
+        self, title: str, function: Callable[[T], R], items: Sequence[T], pixels: int
     ) -> list[R]:
-        """Results in the order of the items.
+        """Results in the order of the items: see `attempt`.
 
         Raises InputError for the first that fails, after all have ended.
+        """
+        results = []
+        for result in self.attempt(title, function, items, pixels):
+            if isinstance(result, Exception):
+                raise InputError(f"{title}: {result}") from result
+            results.append(result)
+        return results
+
+    def attempt(
+        self, title: str, function: Callable[[T], R], items: Sequence[T], pixels: int
+    ) -> list[R | Exception]:
+        """Results, or the exceptions of items that failed, in the order of the items.
 
         Parameters
         ----------
@@ -328,16 +335,10 @@ class Team:
             Hashable.
         pixels : int
             Of the largest scene that an item needs.
-        failed : Callable[[T, Exception], R] | None, optional
-            Called in the end for each item that failed, and its result. None = it is an error.
         """
-
-        def refuse(_: T, error: Exception) -> R:
-            raise InputError(f"{title}: {error}") from error
-
         if not items:
             return []
-        ended, failed = dict[T, R | Exception](), failed or refuse
+        ended = dict[T, R | Exception]()
         fitting, note = max(1, self.memory // needed_memory(pixels)), self.console.note
         count = possible_processes(min(self.jobs, fitting, len(items)), note)
         call = partial(_call, function)
@@ -352,14 +353,11 @@ class Team:
                 if isinstance(result, Exception) and not isinstance(result, _FAILURES):
                     raise result
                 ended[item] = result
-        ends = [(item, ended[item]) for item in items]
-        return [failed(item, end) if isinstance(end, Exception) else end for item, end in ends]
+        return [ended[item] for item in items]
 
-    def _fail(self, source: str, error: Exception) -> str:
-        line = " ".join(f"{source}: {reason(error)}".split())
+    def _report(self, source: str, line: str) -> None:
         self.console.error(line)
         self.console.record(source=source, ok=False, error=line)
-        return line
 
 
 def _call(function: Callable[[T], R], item: T, listener: StageProgress) -> R:
