@@ -24,9 +24,8 @@ from google.protobuf.message import DecodeError
 from torch import nn
 from torch.nn import functional
 
+from ...offline import BEST, clean_frame
 from ...offline.frame import Sites
-from ...offline.pipeline import clean_frame
-from ...offline.settings import BEST
 from ...offline.stages import block_network
 from ...offline.stages.block_network import CHOICES, LINES, NEAR, PLANES, PROPOSALS, STEP, UNIT
 from ...offline.stages.chromaticity import block_sums
@@ -42,9 +41,9 @@ from ..batch.progress import StageProgress
 from ..simulation.sensor import TYPICAL_READ, TYPICAL_SHOT, simulate_additive, simulate_sensor
 from .__main__ import training_parser
 from .drawings import with_lamps
-from .examples import DRAWN, PAGE, claim, make_examples, photographs, pictured, read_example
+from .examples import DRAWN, PAGE, Examples, claim, make_examples, photographs, pictured
 from .graph import Graph, convolved, load_weights, rounded
-from .network import Descent, begin_with
+from .network import Descent, begin_with, read_tensors
 
 WIDTHS = 48, 64, 96, 128
 """Channels on the grid of blocks, and on grids of every second, fourth and eighth block."""
@@ -311,10 +310,6 @@ class _Around(NamedTuple):
         return np.einsum("jokp,jo,kp->jk", pixels, *self.shares)
 
 
-def _read(path: Path) -> list[Any]:
-    return list(map(torch.from_numpy, read_example(path)))
-
-
 def _batch(examples: Sequence[list[Any]], seed: tuple[int, ...]) -> tuple[Any, Any]:
     """Crops of random examples, turned and mirrored, some with red and blue in exchange."""
     random, crops = np.random.default_rng(seed), list[list[Any]]()
@@ -362,11 +357,7 @@ def first_network(start: Path | None = None) -> BlockNetwork:
 
 
 def learn(
-    network: BlockNetwork,
-    sides: tuple[list[Path], list[Path]],
-    steps: int,
-    work: Path,
-    progress: StageProgress,
+    network: BlockNetwork, sides: Examples, steps: int, work: Path, progress: StageProgress
 ) -> BlockNetwork:
     """The network after gradient descent, from the last checkpoint in `work` on.
 
@@ -374,14 +365,14 @@ def learn(
     ----------
     network : BlockNetwork
         What `first_network` returns.
-    sides : tuple[list[Path], list[Path]]
+    sides : Examples
         Files of examples to learn from, and of those kept back.
     """
     descent = Descent(network, steps, _REPORT, work / "checkpoint.pt", _FACTOR, _WARM_UP)
     if descent.done == steps:
         return network
     progress.stage("reading", 1)
-    read = (map(_read, paths) for paths in sides)
+    read = (map(read_tensors, paths) for paths in sides)
     learned, kept = ([pair for pair in pairs if min(pair[1].shape[1:]) >= _SIDE] for pairs in read)
     if not (learned and kept):
         raise InputError(f"the pictures are too small to learn from: {_NEEDED}")
@@ -466,7 +457,7 @@ def _steps(
     hooks = [layer.register_forward_hook(partial(note, name)) for name, layer in layers]
     with torch.no_grad():
         for path in examples:
-            planes = _read(path)[0].float()
+            planes = read_tensors(path)[0].float()
             rows, columns = (size // STEP * STEP for size in planes.shape[1:])
             if rows and columns:
                 network(planes[None, :, :rows, :columns])

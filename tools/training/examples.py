@@ -17,10 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...offline import use_threads
-from ...offline.bands import Band
-from ...offline.pipeline import measure, run_row_stages
-from ...offline.settings import BEST
+from ...offline import BEST, Band, measure, use_threads
+from ...offline.pipeline import run_row_stages
 from ...offline.stages.colour_network import Residuals, Span, Superpixels
 from ...offline.version import ALGORITHM
 from ...shared import CfaPattern, DoubleArray, FloatArray, InputError, Mosaic, SensorCalibration

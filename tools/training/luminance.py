@@ -7,7 +7,6 @@ noise, and filled by wavelets. From the pixels around each block the network for
 sites are off by. The same command with as many threads gives the same weights.
 """
 
-import math
 import sys
 from collections.abc import Callable
 from itertools import pairwise, product
@@ -87,7 +86,7 @@ def learn(
     sizes = SIDE**2 + 1, *_HIDDEN
     layers = [layer for pair in pairwise(sizes) for layer in (nn.Linear(*pair), nn.ReLU())]
     network = nn.Sequential(*layers, nn.Linear(sizes[-1], off.shape[1]))
-    descent = Descent(network, steps, _REPORT, norm=math.inf)
+    descent = Descent(network, steps, _REPORT, norm=np.inf)
     # Three sites stay the first three of a block when it is transposed alone.
     turned = [
         (_turned(SIDE, turns, flip), places[: off.shape[1]])

@@ -18,6 +18,7 @@ from torch.nn import functional
 from ...offline.stages.colour_network import REACH, SURROUNDINGS
 from ...shared.arrays import FloatArray
 from ...shared.writing import durable_file
+from .examples import read_example
 
 CHANNELS, BLOCKS = 128, REACH - 1
 """Width, and number of residual blocks: a 3 x 3 convolution and a 1 x 1 one each."""
@@ -74,6 +75,11 @@ class Network(nn.Module):  # type: ignore[misc]
         lit = functional.relu(values)
         deep = functional.relu(self.wide[block](lit))
         return lit, deep, self.deep[block](deep)
+
+
+def read_tensors(path: Path) -> list[Any]:
+    """Arrays of an example, as tensors."""
+    return list(map(torch.from_numpy, read_example(path)))
 
 
 def begin_with(network: nn.Module, weights: Mapping[str, FloatArray]) -> None:

@@ -230,19 +230,13 @@ def _site_colours(pattern: CfaPattern) -> str:
     return "".join(Block.of(pattern).letters).replace(PANCHROMATIC, "")
 
 
-def prepare(
-    pattern: CfaPattern,
-    picture: FloatArray,
-    truth: FloatArray,
-    error: FloatArray,
-    variance: FloatArray,
-) -> list[NDArray[Any]]:
+def prepare(pattern: CfaPattern, example: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
     """What the network sees of a picture and what it has to find, for all superpixels but the
     outermost `MARGIN`; all but the first two are in scene units.
 
     Parameters
     ----------
-    picture, truth, error, variance : FloatArray
+    example : Sequence[NDArray[Any]]
         What `examples.make_example` returns.
 
     Returns
@@ -251,7 +245,8 @@ def prepare(
         `Contrast.inputs`; missing colour, and luminance at the sites, (2 K^2 + S, h, w); true
         luminance, (K^2, h, w); bound and variance, (1, h, w) each. The first three are float16.
     """
-    pixels, right = (_superpixels(planes, *variance.shape[1:]) for planes in (picture, truth))
+    *pictures, error, variance = example
+    pixels, right = (_superpixels(planes, *variance.shape[1:]) for planes in pictures)
     contrast = Contrast.of(pixels, error.astype(np.float32), variance[0])
     right = right[..., MARGIN:-MARGIN, MARGIN:-MARGIN]
     light, *colour = right - contrast.pixels
@@ -272,7 +267,7 @@ def _superpixels(planes: FloatArray, rows: int, columns: int) -> FloatArray:
 def _read(path: Path, plan: Plan, device: str, progress: StageProgress) -> Example:
     """An example, as tensors."""
     progress.advance()
-    prepared = prepare(plan.pattern, *read_example(path))
+    prepared = prepare(plan.pattern, read_example(path))
     return [torch.from_numpy(planes).to(device) for planes in prepared]
 
 

@@ -145,9 +145,9 @@ def test_what_is_learned_from_is_turned_as_a_whole(
         if over:
             other = [part[:, ::-1, ::-1] for part in other]
             other[:3] = [part[::-1] for part in other[:3]]
-        example = [torch.from_numpy(planes).float() for planes in run.prepare(plan.pattern, *parts)]
+        example = [torch.from_numpy(planes).float() for planes in run.prepare(plan.pattern, parts)]
         found = run.turn_window(example, run.turned(plan, transposed=aside, exchanged=over))
-        expected = run.prepare(plan.pattern, *(np.ascontiguousarray(part) for part in other))
+        expected = run.prepare(plan.pattern, [np.ascontiguousarray(part) for part in other])
         for mine, its in zip(found, expected, strict=True):
             assert mine.numpy() == pytest.approx(its.astype(np.float32), abs=4e-3)
 
@@ -199,7 +199,7 @@ def batch(pattern: CfaPattern) -> list[Any]:
     picture = (light * tints).astype(np.float32)
     error = random.normal(0, 0.05, (sites, down, across)).astype(np.float32)
     variance = np.tile(np.linspace(0, 0.4, across, dtype=np.float32), (1, down, 1))
-    prepared = run.prepare(pattern, picture, picture, error, variance)
+    prepared = run.prepare(pattern, [picture, picture, error, variance])
     return [torch.from_numpy(planes[None]).float() for planes in prepared]
 
 
