@@ -79,7 +79,7 @@ LIGHT = (1.0, 0.62)  # upper left, lower right
 
 def patches_chart(x: DoubleArray, y: DoubleArray, pixel: float) -> DoubleArray:
     """Draw the ColorChecker, 6 x 4 patches on black; width 1.5."""
-    return draw_patches(x * 4, y * 4, np.array(CARD), color_checker())
+    return draw_patches(x * 4, y * 4, np.array(CARD))
 
 
 def _star(
@@ -164,10 +164,8 @@ def color_checker() -> DoubleArray:
     return np.clip(xyz @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T, DARKEST, BRIGHTEST)
 
 
-def draw_patches(
-    u: DoubleArray, v: DoubleArray, ground: DoubleArray, patches: DoubleArray
-) -> DoubleArray:
-    """Draw 24 patches over `ground`.
+def draw_patches(u: DoubleArray, v: DoubleArray, ground: DoubleArray) -> DoubleArray:
+    """Draw the patches of `color_checker` over `ground`.
 
     Parameters
     ----------
@@ -176,12 +174,11 @@ def draw_patches(
         cell.
     ground : DoubleArray
         Broadcasts to (h, w, 3), colours between and around the patches.
-    patches : DoubleArray
-        (4, 6, 3), see `color_checker`.
     """
     column, row = np.clip(u, 0, 5.999), np.clip(v, 0, 3.999)
     inside = np.maximum(np.abs(column % 1 - 0.5), np.abs(row % 1 - 0.5)) < DRAWN_PATCH / 2
-    return np.where(inside[..., None], patches[row.astype(int), column.astype(int)], ground)
+    patches = color_checker()[row.astype(int), column.astype(int)]
+    return np.where(inside[..., None], patches, ground)
 
 
 def chart_scene(width: int, height: int) -> Scene:
@@ -189,13 +186,13 @@ def chart_scene(width: int, height: int) -> Scene:
     the light.
     """
     to_chart = homography(np.array(CORNERS) * (width, height), rectangle(0, 0, 6, 4))
-    rgb, patches = np.zeros((height, width, 3), np.float32), color_checker()
+    rgb = np.zeros((height, width, 3), np.float32)
     for place in np.ndindex(SAMPLES, SAMPLES):
         down, right = (np.array(place) + 0.5) / SAMPLES
         x, y = np.meshgrid(np.arange(width) + right, np.arange(height) + down)
         u, v = apply_homography(to_chart, x, y)
         card = (u > -RIM) & (u < 6 + RIM) & (v > -RIM) & (v < 4 + RIM)
-        colours = draw_patches(u, v, np.where(card[..., None], CARD, np.array(WALL)), patches)
+        colours = draw_patches(u, v, np.where(card[..., None], CARD, np.array(WALL)))
         rgb += (colours / SAMPLES**2).astype(np.float32)
     bright, dim = LIGHT
     fall = 0.65 * np.linspace(0, 1, width)[None, :] + 0.35 * np.linspace(0, 1, height)[:, None]
