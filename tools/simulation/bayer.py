@@ -11,16 +11,13 @@ ORDER = "RGGB"
 
 def channel_map(shape: tuple[int, ...]) -> NDArray[np.uint8]:
     """The channel that each sample of a mosaic measures, (H, W)."""
-    numbers = np.broadcast_to(np.arange(3, dtype=np.float32), (*shape, 3))
-    return sample_bayer(numbers).astype(np.uint8)
+    down, across = np.ogrid[: shape[0], : shape[1]]
+    return (down % 2 + across % 2).astype(np.uint8)  # 0 1 / 1 2, as in ORDER
 
 
 def sample_bayer(rgb: FloatArray) -> FloatArray:
     """Samples of a noiseless Bayer sensor, float32 (H, W), from a scene (H, W, 3), both in scene
     units.
     """
-    mosaic: FloatArray = np.empty(rgb.shape[:2], np.float32)
-    for place, letter in enumerate(ORDER):
-        row, column = divmod(place, 2)
-        mosaic[row::2, column::2] = rgb[row::2, column::2, "RGB".index(letter)]
-    return mosaic
+    channels = channel_map(rgb.shape[:2])[..., None]
+    return np.take_along_axis(rgb, channels, axis=2)[..., 0].astype(np.float32, copy=False)
