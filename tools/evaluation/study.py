@@ -219,7 +219,7 @@ def _kept(folder: Path, case: Case) -> Measures | None:
     try:
         with own_file(folder / FOLDER / case.name, "rb") as file:
             return Measures.decode(file.read())
-    except (OSError, InputError):
+    except Exception:  # see `Measures.decode`
         return None
 
 

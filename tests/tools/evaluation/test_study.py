@@ -170,7 +170,7 @@ def test_only_what_is_missing_or_damaged_is_made(tmp_path: Path) -> None:
     assert missing_cases(study, tmp_path) == ([], 12)
     assert len(missing_cases(study, tmp_path, anew=True)[0]) == 12
     for index, path in enumerate(sorted((tmp_path / FOLDER).iterdir())[:3]):
-        path.write_bytes([b"", b"junk", path.read_bytes()[:-30]][index])
+        path.write_bytes([b"", b"PK\3\4 junk", path.read_bytes()[:-40]][index])
     todo, there = missing_cases(study, tmp_path)
     assert (len(todo), there) == (3, 9)
     np.testing.assert_equal(measured(study, tmp_path).rows, before.rows)
