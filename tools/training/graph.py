@@ -93,9 +93,7 @@ class Turn(NamedTuple):
     back: bool
 
 
-def save_graph(
-    weights: Weights, units: Mapping[str, float], path: Path, turn: Turn | None = None
-) -> None:
+def save_graph(weights: Weights, units: Mapping[str, float], path: Path, turn: Turn) -> None:
     """Write a network to an ONNX file, with weights of 16 bits.
 
     Parameters
@@ -104,8 +102,8 @@ def save_graph(
         Those of the network.
     units : Mapping[str, float]
         Of the values that are rounded to 8 bits, from `network.units`.
-    turn : Turn | None, optional
-        The orientation of the second look; None = there is none.
+    turn : Turn
+        The orientation of the second look; there is none if it is the same.
     """
     (_, inputs, *_), outputs = weights["enter.weight"].shape, len(weights["leave.bias"])
     spare = -inputs % _GROUP
@@ -116,7 +114,7 @@ def save_graph(
     for name, numbers in {"spare": [0] * 5 + [spare, 0, 0], **constants}.items():
         graph.store(name, np.array(numbers, np.int64))
     padded = graph.add("Pad", ["features", "spare"], "padded")
-    if turn is None:  # alone, the first convolution would lose by rounding
+    if not (turn.transposed or turn.back):  # alone, the first convolution would lose by rounding
         output = graph.add("Conv", [padded, "enter.weight", "enter.bias"], "found")
         graph.add("Identity", [_add_blocks(graph, "", output, kept, units)], "correction")
     else:

@@ -124,17 +124,10 @@ def train(plan: Plan, folder: Path, jobs: int, progress: StageProgress) -> Path:
     batches = (_batch(sampled, plan, (plan.seed, 2, number)) for number in range(_JUDGED))
     steps = units(network, batches)
     weights = {name: weight.numpy() for name, weight in network.state_dict().items()}
-    save_graph(weights, steps, path, turn_of(plan))
+    # The second look is from the farthest of the orientations in which superpixels are the same.
+    turn = turned(plan, transposed=bool(plan.transposed), exchanged=plan.exchanged)
+    save_graph(weights, steps, path, turn)
     return path
-
-
-def turn_of(plan: Plan) -> Turn | None:
-    """The orientation of the second look of a network for this pattern: of those in which its
-    superpixels are the same, the farthest.
-    """
-    if not (plan.transposed or plan.exchanged):
-        return None
-    return turned(plan, transposed=bool(plan.transposed), exchanged=plan.exchanged)
 
 
 def turned(plan: Plan, *, transposed: bool, exchanged: bool) -> Turn:

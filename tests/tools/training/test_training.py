@@ -232,7 +232,7 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path, tile: str) -> N
     planes = torch.cat([planes, light], dim=1)
     both = (alone + planes) / 2 if plan.transposed or plan.exchanged else alone
     steps = units(network, [batch(plan.pattern)])
-    save_graph(weights, steps, path, run.turn_of(plan))
+    save_graph(weights, steps, path, turn)
     (output,) = load_network(path).run(None, {"features": inputs.numpy()})
     assert output.shape == both.shape
     assert np.linalg.norm(output - both.numpy()) < 0.03 * np.linalg.norm(both.numpy())
