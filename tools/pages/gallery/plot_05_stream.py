@@ -33,6 +33,5 @@ print(*[type(outcome).__name__ for outcome in outcomes])
 # %%
 # Each file is a shot, ready for the render.
 saved = panchroma.open(outcomes[0].path)
-plt.figure(figsize=(6, 4), layout="constrained")
 plt.imshow(panchroma.preview(saved))
 plt.gca().set_axis_off()

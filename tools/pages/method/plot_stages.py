@@ -43,12 +43,9 @@ def show(**pictures):
         axis.set(title=name.replace("_", " "), xticks=[], yticks=[])
 
 
-def show_blocks(**blocks):
-    """Show chromaticities of the blocks in the crop as colours of one brightness."""
-    _, axes = plt.subplots(1, len(blocks), figsize=(12, 4), layout="constrained")
-    for axis, (name, colours) in zip(axes, blocks.items(), strict=True):
-        axis.imshow(panchroma.to_srgb(0.9 * colours[:17, :25]))
-        axis.set(title=name.replace("_", " "), xticks=[], yticks=[])
+def shown(blocks):
+    """Chromaticities of the blocks in the crop as colours of one brightness."""
+    return 0.9 * blocks[:17, :25]
 
 
 # %%
@@ -101,7 +98,7 @@ show(samples=frame.signal, filled=filled, denoised=luminance)
 # (``block_network``), which sees similar blocks too (``pooling``).
 measured = measure(mosaic)
 paper = estimate_chromaticities(replace(frame, luminance=luminance), PAPER.chromaticity)
-show_blocks(paper=paper, best=measured.blocks)
+show(paper=shown(paper), best=shown(measured.blocks))
 
 # %%
 # Pooling
@@ -110,7 +107,8 @@ show_blocks(paper=paper, best=measured.blocks)
 # (``pooling``). Here a sixteenth of the light:
 dark = panchroma.simulate("builtin:480x320", light=1 / 16).mosaic
 single = replace(BEST, pooling=PAPER.pooling)  # none
-show_blocks(each_block_alone=measure(dark, single).blocks, pooled=measure(dark).blocks)
+alone, pooled = measure(dark, single).blocks, measure(dark).blocks
+show(each_block_alone=shown(alone), pooled=shown(pooled))
 
 # %%
 # Affinity
