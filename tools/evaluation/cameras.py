@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from os.path import isfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -196,7 +195,7 @@ class Method:
         return next(missing, None)
 
     @property
-    def identity(self) -> dict[str, Any]:
+    def identity(self) -> dict[str, object]:
         """Dependencies of results besides scene, noise, pattern and Panchroma's own code, as JSON
         values.
         """

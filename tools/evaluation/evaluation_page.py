@@ -8,7 +8,7 @@ differ most, and our worst places.
 from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import cycle
-from math import lcm, nan
+from math import lcm
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -278,7 +278,7 @@ def draw_noise(figures: Figures, group: str, plane: int, axes: "Axes") -> None:
         found = [figures.of(Place(group, level), name) for level in levels]
         values: list[Any] = [figure.values if figure else {} for figure in found]
         quantiles = (f"{PLANES[plane]}_q{percent}" for percent in (25, 50, 75))
-        low, median, high = np.array([[row.get(q, nan) for row in values] for q in quantiles])
+        low, median, high = np.array([[row.get(q, np.nan) for row in values] for q in quantiles])
         places, bars = np.arange(len(levels)) + offset, (median - low, high - median)
         line: Any = {"linewidth": 2.4 if name == study.ours else 1.3, "color": colour}
         line["fmt"] = "o-" if study.method(name).ours else "s--"

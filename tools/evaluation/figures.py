@@ -6,7 +6,6 @@ on.
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from itertools import product
-from math import isnan, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -49,7 +48,7 @@ class Criterion(NamedTuple):
 
     def of(self, figure: "Figure | None") -> float:
         """Return the number that people are shown; NaN if there is none."""
-        return nan if figure is None else self.scale * figure.values[self.figure]
+        return np.nan if figure is None else self.scale * figure.values[self.figure]
 
     def score(self, figure: "Figure | None") -> float:
         """Return a number that is larger where the figure is better; NaN if there is none."""
@@ -58,9 +57,9 @@ class Criterion(NamedTuple):
 
     def text(self, figure: "Figure") -> str:
         """Return the figure as text; a dash where there is none."""
-        value, error = self.of(figure), self.scale * figure.values.get(self.error, nan)
-        spread = "" if isnan(error) else f" ± {error:.{self.digits}f}"
-        return "–" if isnan(value) else f"{value:.{self.digits}f}{spread}"
+        value, error = self.of(figure), self.scale * figure.values.get(self.error, np.nan)
+        spread = "" if np.isnan(error) else f" ± {error:.{self.digits}f}"
+        return "–" if np.isnan(value) else f"{value:.{self.digits}f}{spread}"
 
 
 RGB = Criterion("RGB, dB", "rgb_q50")
@@ -159,7 +158,7 @@ class Figures:
     def best(self, place: Place, criterion: Criterion, names: Sequence[str]) -> str | None:
         """Return the best of some methods by a criterion; None where none has a figure."""
         scores = {name: criterion.score(self.of(place, name)) for name in names}
-        measured = [name for name in names if not isnan(scores[name])]
+        measured = [name for name in names if not np.isnan(scores[name])]
         return max(measured, key=scores.__getitem__, default=None)
 
     def lead(self, place: Place, criterion: Criterion = RGB) -> Lead | None:

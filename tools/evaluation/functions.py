@@ -16,7 +16,6 @@ from functools import cache, partial
 from importlib import import_module
 from importlib.metadata import distributions
 from importlib.util import find_spec
-from os.path import getsize, isfile
 from pathlib import Path
 from types import ModuleType
 
@@ -113,4 +112,4 @@ def _depends(source: str) -> str:
 
 
 def _is_full(path: Path) -> bool:
-    return isfile(path) and getsize(path) > 0  # noqa: PTH113, PTH202 (Path refuses long texts)
+    return os.path.isfile(path) and os.path.getsize(path) > 0  # noqa: PTH113, PTH202 (Path refuses long texts)

@@ -6,7 +6,6 @@ import csv
 import io
 import json
 from itertools import zip_longest
-from math import isnan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -89,7 +88,7 @@ def _row(figure: Figure) -> dict[str, Any]:
     row: dict[str, Any] = {"group": group, "scene": scene, "level": level.level}
     row |= {"method": figure.method, "period": tile and tile.period}
     for name, value in figure.values.items():
-        row[name] = None if isnan(value) else round(value, 6)
+        row[name] = None if np.isnan(value) else round(value, 6)
     return row | {"scenes": figure.scenes, "pattern": tile and tile.name, "noise": level.option}
 
 

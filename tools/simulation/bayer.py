@@ -1,15 +1,14 @@
 """A Bayer sensor, red in the first pixel: the camera of the rivals."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...shared.arrays import FloatArray
+from ...shared.arrays import ByteArray, FloatArray
 
 ORDER = "RGGB"
 """Filters of the first two rows."""
 
 
-def channel_map(shape: tuple[int, ...]) -> NDArray[np.uint8]:
+def channel_map(shape: tuple[int, ...]) -> ByteArray:
     """The channel that each sample of a mosaic measures, (H, W)."""
     down, across = np.ogrid[: shape[0], : shape[1]]
     return (down % 2 + across % 2).astype(np.uint8)  # 0 1 / 1 2, as in ORDER

@@ -4,7 +4,6 @@ colours, edges without luminance, pages of print, signs that shine at night.
 
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -185,7 +184,7 @@ def _ink(random: np.random.Generator, palette: list[FloatArray], ground: FloatAr
     return ink
 
 
-def _mark(random: np.random.Generator) -> tuple[str, dict[str, Any]]:
+def _mark(random: np.random.Generator) -> tuple[str, dict[str, object]]:
     """The name of a method of Pillow's pen, and its arguments but the ink."""
     from PIL import ImageFont
 

@@ -6,12 +6,10 @@ clipped.
 
 import io
 from functools import partial
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ....shared.arrays import FloatArray
+from ....shared.arrays import CodeArray, FloatArray
 from ....shared.dng.tags import CFA_CODES, DNG_VERSION, TAG, Photometric
 from ....shared.tiff import FieldType
 from ...simulation.bayer import ORDER
@@ -29,7 +27,7 @@ def demosaic_libraw(mosaic: FloatArray) -> FloatArray:
     return ((picture - np.float32(black)) / np.float32(white - black)).astype(np.float32)
 
 
-def encode_codes(mosaic: FloatArray) -> tuple[NDArray[np.uint16], float, float]:
+def encode_codes(mosaic: FloatArray) -> tuple[CodeArray, float, float]:
     """Codes of samples in scene units, none clipped, also below 0 and above 1; and the codes of
     black and white.
     """
@@ -40,14 +38,14 @@ def encode_codes(mosaic: FloatArray) -> tuple[NDArray[np.uint16], float, float]:
     return np.rint(mosaic * (white - black) + black).clip(0, 65535).astype(np.uint16), black, white
 
 
-def develop(data: bytes, algorithm: str) -> NDArray[np.uint16]:
+def develop(data: bytes, algorithm: str) -> CodeArray:
     """Linear camera colours, uint16 (H, W, 3), that one of LibRaw's algorithms makes of a Bayer
     file in memory.
     """
     import rawpy
 
     with rawpy.imread(io.BytesIO(data)) as raw:
-        developed: Any = raw.postprocess(
+        developed = raw.postprocess(
             demosaic_algorithm=rawpy.DemosaicAlgorithm[algorithm],
             output_bps=16,
             gamma=(1, 1),
@@ -62,7 +60,7 @@ def develop(data: bytes, algorithm: str) -> NDArray[np.uint16]:
     return np.asarray(developed, np.uint16)
 
 
-def encode_bayer_dng(codes: NDArray[np.uint16]) -> bytes:
+def encode_bayer_dng(codes: CodeArray) -> bytes:
     """Uncompressed DNG of a Bayer mosaic, uint16 (H, W): black is 0, white 65535."""
     from tifffile import imwrite
 
