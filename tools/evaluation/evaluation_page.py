@@ -8,7 +8,6 @@ differ most, and our worst places.
 from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import cycle
-from math import lcm
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -134,7 +133,7 @@ def render_crop(study: Study, crop: Crop, truth: FloatArray) -> Iterator[FloatAr
     FloatArray
         The crop's picture by each of its methods, float32 (h, w, 3), scene units.
     """
-    step = lcm(2, study.tile.pattern.period)  # keeps the phase of both filter patterns
+    step = int(np.lcm(2, study.tile.pattern.period))  # keeps the phase of both filter patterns
     rows = _around(crop.row, crop.height, truth.shape[0], step)
     columns = _around(crop.column, crop.width, truth.shape[1], step)
     pattern, window = study.tile.pattern, (rows, columns)

@@ -11,7 +11,6 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
@@ -60,7 +59,6 @@ sphinx_gallery_conf: dict[str, Any] = {
     "show_signature": False,
     "write_computation_times": False,
 }
-mpl.use("agg")
 
 _LINK = re.compile(r"(?<=\]\()(?!https?:|#)([^)#\s]+)")
 

@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from shutil import copyfileobj
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -129,9 +128,7 @@ def named_file(file: File) -> Iterator[str]:
         name = Path(file_name(file)).name
         with TemporaryDirectory() as folder:
             path = Path(folder, name if Path(name).suffix else f"picture{ending}")
-            with path.open("wb") as copy:
-                stream.seek(0)
-                copyfileobj(stream, copy)
+            path.write_bytes(start + stream.read())
             yield str(path)
 
 

@@ -5,7 +5,6 @@ An interrupted training goes on where it stopped.
 """
 
 import argparse
-import sys
 
 from ...shared import CfaPattern, InputError, PanchromaError
 from ...shared.processors import processors
@@ -89,4 +88,4 @@ def _pattern(text: str) -> CfaPattern:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -9,7 +9,6 @@ around by their luminance. A training that was
 interrupted goes on where it stopped.
 """
 
-import sys
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -500,4 +499,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -7,7 +7,6 @@ noise, and filled by wavelets. From the pixels around each block the network for
 sites are off by. The same command with as many threads gives the same weights.
 """
 
-import sys
 from collections.abc import Callable
 from itertools import pairwise, product
 from pathlib import Path
@@ -159,4 +158,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -5,8 +5,6 @@ The licence of the package `bm3d` allows non-commercial use only. It is imported
 method is run.
 """
 
-from itertools import product
-
 import numpy as np
 
 from ....shared.arrays import DoubleArray, FloatArray
@@ -27,7 +25,7 @@ def denoise_bayer(shot: BayerShot) -> FloatArray:
     denoised, photons, read = shot.samples.copy(), shot.shot, shot.read
     if min(denoised.shape) < 2 * _BLOCK_SIDE or (photons == 0 and read == 0):
         return denoised
-    for row, column in product((0, 1), repeat=2):
+    for row, column in np.ndindex(2, 2):
         plane = denoised[row::2, column::2].astype(np.float64)
         smooth = _stabilised_bm3d(plane, photons, read) if photons else _bm3d(plane, read)
         denoised[row::2, column::2] = smooth
