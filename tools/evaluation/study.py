@@ -198,8 +198,7 @@ def work(study: Study, folder: Path, case: Case) -> list[str]:
             raise InputError(f"{case.method}: {reason}; run it again with `resume=True`")
         truth = study.reading.scene(case.scene).rgb
         place = f"{case.scene.source}: {case.method}, {case.level.text}: "
-        tile = case.tile or study.tile
-        cameras = _cameras(case.scene, case.level, tile, study.reading)
+        cameras = _cameras(case.scene, case.level, case.tile or study.tile, study.reading)
         measures = Measures.of(method.render(cameras), truth, study.reading.channels)
     except PanchromaError as error:
         return [f"{place}{error}"]

@@ -64,14 +64,13 @@ def encode_bayer_dng(codes: CodeArray) -> bytes:
     """Uncompressed DNG of a Bayer mosaic, uint16 (H, W): black is 0, white 65535."""
     from tifffile import imwrite
 
-    fields = (
-        (TAG["CFARepeatPatternDim"], FieldType.SHORT, 2, (2, 2)),
-        (TAG["CFAPattern"], FieldType.BYTE, 4, bytes(CFA_CODES[letter] for letter in ORDER)),
-        (TAG["DNGVersion"], FieldType.BYTE, 4, bytes(DNG_VERSION)),
-        (TAG["WhiteLevel"], FieldType.LONG, 1, 65535),
+    tags = (
+        (TAG["CFARepeatPatternDim"], FieldType.SHORT, 2, (2, 2), True),
+        (TAG["CFAPattern"], FieldType.BYTE, 4, bytes(CFA_CODES[letter] for letter in ORDER), True),
+        (TAG["DNGVersion"], FieldType.BYTE, 4, bytes(DNG_VERSION), True),
+        (TAG["WhiteLevel"], FieldType.LONG, 1, 65535, True),
     )
     file = io.BytesIO()
-    tags = [(*field, True) for field in fields]
     imwrite(file, codes, photometric=Photometric.CFA, extratags=tags, metadata=None)
     return file.getvalue()
 
