@@ -44,10 +44,9 @@ _RAWS = (
 _RAW_ENDINGS = tuple(f".{name}" for name in _RAWS.split())
 # in XMP; and IPTC's keywords (2:25) behind another field or before it
 _NOTED = {
-    rb"""Rating(?:=["']|>)[1-5]""": "rating",
-    rb"<dc:subject": "keywords",
-    rb"\x1c\x02[^\x1c]{2,300}\x1c\x02\x19\0": "keywords",
-    rb"\x1c\x02\x19\0[^\x1c]{1,66}\x1c\x02": "keywords",
+    "rating": rb"""Rating(?:=["']|>)[1-5]""",
+    "keywords": rb"<dc:subject|\x1c\x02[^\x1c]{2,300}\x1c\x02\x19\0"
+    rb"|\x1c\x02\x19\0[^\x1c]{1,66}\x1c\x02",
 }
 ENDINGS = (*(ending for each in FORMATS for ending in each.endings), *_RAW_ENDINGS)
 """Endings of the names of files that may be scenes: what is looked for in folders, but for what
@@ -271,5 +270,5 @@ def _ends(path: Path) -> bytes:
 def _remark_on_losses(path: Path) -> tuple[str, ...]:
     """Return a note for the user on what a photographer has noted in a file and no shot keeps."""
     ends = _ends(path)
-    lost = {name: name for pattern, name in _NOTED.items() if re.search(pattern, ends)}
+    lost = [name for name, pattern in _NOTED.items() if re.search(pattern, ends)]
     return (f"not kept: the {' and '.join(lost)} in the file (XMP, IPTC)",) if lost else ()
