@@ -13,7 +13,7 @@ import numpy as np
 from ..shared.arrays import FloatArray, Pair
 from ..shared.errors import InputError
 from ..shared.progress import SILENT, Progress
-from .numerics.chunks import copy_together
+from .numerics.chunks import copy_into
 
 DARK = 1e-6
 """Luminance, scene units, below which a pixel has no chromaticity that could be corrected, and a
@@ -67,12 +67,9 @@ class Band:
             name: np.empty((end - first, *plane.shape[1:]), plane.dtype)
             for name, plane in bands[0]._planes()
         }
-        copies = [
-            (planes[name][band.first - first : band.end - first], plane)
-            for band in bands
-            for name, plane in band._planes()
-        ]
-        copy_together(copies)
+        for band in bands:
+            for name, plane in band._planes():
+                copy_into(planes[name][band.first - first : band.end - first], plane)
         return cls(first, **planes)
 
     def rows(self, first: int, end: int) -> "Band":

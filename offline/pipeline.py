@@ -18,7 +18,7 @@ from ..shared.networks import network_for
 from ..shared.progress import SILENT, Progress
 from .bands import Band, Halo, RowStage, run_stages
 from .frame import BlockSums, Frame
-from .numerics.chunks import copy_together
+from .numerics.chunks import copy_into
 from .patches import band_rows
 from .settings import BEST, RenderSettings
 from .stages.block_network import learned_chromaticities, serves
@@ -146,8 +146,8 @@ def render(
     for band in run_row_stages(measured, settings, progress, stages, check_halos=check_halos):
         rows = slice(band.first, band.end)
         _apply_luminance(band, rgb[rows])
-        planes = (luminance, band.luminance), (chromaticity, band.chromaticity)
-        copy_together([(plane[rows], source) for plane, source in planes])
+        copy_into(luminance[rows], band.luminance)
+        copy_into(chromaticity[rows], band.chromaticity)
     return Rendering(rgb, luminance, chromaticity, measured.lost)
 
 

@@ -16,9 +16,8 @@ import numpy as np
 from ...shared import FloatArray, Mosaic, NoiseModel
 from ..frame import Sites
 from ..numerics.arrays import Area, Bools2, Bytes3, Doubles2, Floats2, Floats3, Ints2, Scalar
-from ..numerics.chunks import chunk_count
 from ..numerics.compile import Chunks, kernel, parallel_kernel
-from ..numerics.functions import chunk_at, zeros
+from ..numerics.functions import chunk_at, chunk_count, zeros
 from ..numerics.gaussian import gaussian, smooth_rows
 from ..numerics.interpolation import interpolated
 from ..settings import RenderSettings

@@ -5,7 +5,7 @@ with it: those that stay would be lost in a child made by fork. Several threads 
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
@@ -68,26 +68,10 @@ def in_strips(work: Callable[[slice], object], rows: int, height: int = STRIP) -
 def copy_array(plane: NDArray[Number]) -> NDArray[Number]:
     """A copy of an array: new memory takes as long to get as to write, and threads share that."""
     made = np.empty(plane.shape, plane.dtype)
-    copy_together([(made, plane)])
+    copy_into(made, plane)
     return made
 
 
-def copy_together(copies: Sequence[tuple[NDArray[Any], NDArray[Any]]]) -> None:
-    """Copy arrays side by side; `copies`: (target, source) of each."""
-    cut = [
-        (target[rows], source[rows])
-        for target, source in copies
-        for rows in strips(len(target), STRIP // 4)
-    ]
-    in_chunks(lambda index, _: np.copyto(*cut[index]), len(cut))
-
-
-def chunk_count(shape: tuple[int, int], size: tuple[int, int]) -> int:
-    """Number of chunks that cover a shape; the last of a row and of a column may be smaller.
-
-    Parameters
-    ----------
-    size : tuple[int, int]
-        Height and width of a chunk.
-    """
-    return -(-shape[0] // size[0]) * -(-shape[1] // size[1])
+def copy_into(target: NDArray[Any], source: NDArray[Any]) -> None:
+    """Copy an array to another of its shape, in `threads()` threads."""
+    in_strips(lambda rows: np.copyto(target[rows], source[rows]), len(target), STRIP // 4)

@@ -15,9 +15,7 @@ _ROOT = tuple(np.float32(c) for c in (2.2662262, -2.4310766, 1.5637192, -0.39887
 
 # e^x = 2^n e^r with n the nearest integer to x / ln 2, and e^r a quintic with e^0 = 1, off by
 # 9.2e-8 at most (minimax fit). ln 2 in two terms, the first short enough that n times it is exact.
-_PER_LN2, _LN2_HIGH, _LN2_LOW = (
-    np.float32(c) for c in (1.4426950408889634, 0.693359375, -2.12194440e-4)
-)
+_PER_LN2, _LN2_HIGH, _LN2_LOW = np.array([1.44269504, 0.693359375, -2.12194440e-4], np.float32)
 _EXP = tuple(
     np.float32(c)
     for c in (1.0, 0.9999997072, 0.4999914950, 0.1666763623, 0.0418979339, 0.0082903139)
@@ -65,6 +63,17 @@ def mirrored(index: int, size: int) -> int:
     turn = 2 * size - 2
     index = abs(index) % turn
     return index if index < size else turn - index
+
+
+def chunk_count(shape: Pair, size: Pair) -> int:
+    """Number of chunks that cover a shape; the last of a row and of a column may be smaller.
+
+    Parameters
+    ----------
+    size : tuple[int, int]
+        Height and width of a chunk.
+    """
+    return -(-shape[0] // size[0]) * -(-shape[1] // size[1])
 
 
 @kernel

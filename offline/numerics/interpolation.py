@@ -5,18 +5,13 @@ import numpy as np
 from .arrays import Floats2, Scalar
 from .compile import Chunks, kernel, parallel_kernel
 
-_ZERO = np.float32(0)
-_TAPS = 4
-
-Taps = tuple[Scalar, Scalar, Scalar, Scalar]
-
 
 @kernel
 def interpolated(plane: Floats2, y: Scalar, x: Scalar) -> Scalar:
     """Bicubic interpolation (Keys 1981, a = -1/2); beyond the edges the nearest pixel counts."""
     top, left = int(np.floor(y)), int(np.floor(x))
     down, along = cubic_taps(np.float32(y - top)), cubic_taps(np.float32(x - left))
-    total = _ZERO
+    total = np.float32(0)
     if 1 <= top < plane.shape[0] - 2 and 1 <= left < plane.shape[1] - 2:
         for i in range(4):
             total += down[i] * (
@@ -32,7 +27,7 @@ def interpolated(plane: Floats2, y: Scalar, x: Scalar) -> Scalar:
 
 
 @kernel
-def cubic_taps(t: Scalar) -> Taps:
+def cubic_taps(t: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """Weights of four neighbours (Keys 1981, a = -1/2) for a place 0 <= t < 1 after the second, in
     the precision of `t`.
     """
@@ -59,25 +54,22 @@ def interpolate(
     plane : Floats2
         (H, W), written. Bicubic (Keys 1981, a = -1/2); constant beyond the outermost samples.
     """
-    width = plane.shape[1]
     rows, columns = values.shape
     for row in range(chunks[0], chunks[1]):
         place = (row - first[0]) / period
         down = int(np.floor(place))
         weights_down = cubic_taps(place - down)
         across_line = np.zeros(columns, np.float32)
-        for tap in range(_TAPS):
+        for tap in range(4):
             line = values[min(max(down + tap - 1, 0), rows - 1)]
             for j in range(columns):
                 across_line[j] += np.float32(weights_down[tap]) * line[j]
-        for column in range(width):
+        for column in range(plane.shape[1]):
             at = (column - first[1]) / period
             across = int(np.floor(at))
             weights = cubic_taps(at - across)
             total = np.float32(0)
-            for tap in range(_TAPS):
-                total += (
-                    np.float32(weights[tap])
-                    * across_line[min(max(across + tap - 1, 0), columns - 1)]
-                )
+            for tap in range(4):
+                beside = min(max(across + tap - 1, 0), columns - 1)
+                total += np.float32(weights[tap]) * across_line[beside]
             plane[row, column] = total

@@ -27,7 +27,7 @@ from .conjugate_gradients import (
     planes,
     solve,
 )
-from .functions import chunk_at, zeros
+from .functions import chunk_at, chunk_count, zeros
 
 SIDE = 128
 """Rows and columns of a chunk, which is solved at a time. Chosen for speed."""
@@ -79,7 +79,7 @@ def fitted(luminance: FloatArray, samples: Samples, prior: Prior, extent: Extent
         When conjugate gradients do not reach their tolerance.
     """
     rows, width = extent.end - extent.first, luminance.shape[1]
-    chunks = -(-rows // SIDE) * -(-width // SIDE)
+    chunks = chunk_count((rows, width), (SIDE, SIDE))
     fields = np.empty((len(samples.weights), rows, width), np.float32)
     residuals, used = np.empty(chunks), np.empty(chunks, np.intp)
     inputs = Samples(*map(np.ascontiguousarray, samples))

@@ -30,7 +30,6 @@ from ...shared.arrays import BoolArray, FloatArray, Pair
 from ...shared.block_grid import BlockGrid
 from ...shared.pattern import CfaPattern
 from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1
-from ..numerics.chunks import chunk_count
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.conjugate_gradients import (
     BORDER,
@@ -43,7 +42,7 @@ from ..numerics.conjugate_gradients import (
     product,
     solve,
 )
-from ..numerics.functions import chunk_at, exponential, unset, zeros
+from ..numerics.functions import chunk_at, chunk_count, exponential, unset, zeros
 from ..numerics.gaussian import TRUNCATE
 from ..patches import HALO, PaddedFrame, chunk_patches, pad_frame, patches_of
 from ..stage import Between, Count, Range, StageSettings

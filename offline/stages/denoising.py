@@ -35,9 +35,8 @@ from ...shared.arrays import DoubleArray, FloatArray, IndexArray, Pair
 from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
 from ..numerics.arrays import Area, Bools2, Floats1, Floats2, Floats3, Ints1, Single
-from ..numerics.chunks import chunk_count
 from ..numerics.compile import Chunks, kernel, parallel_kernel
-from ..numerics.functions import chunk_at, mirrored, zeros
+from ..numerics.functions import chunk_at, chunk_count, mirrored, zeros
 from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, square_root, store, where_less
 from ..stage import NotNegative, Positive, Range, StageSettings
 

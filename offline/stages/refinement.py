@@ -23,9 +23,8 @@ from ...shared.arrays import Pair, mirrored
 from ..bands import Band, Halo, RowStage
 from ..frame import Frame
 from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1
-from ..numerics.chunks import chunk_count
 from ..numerics.compile import Chunks, kernel, parallel_kernel
-from ..numerics.functions import LEAST_EXPONENT, chunk_at, exponential, unset, zeros
+from ..numerics.functions import LEAST_EXPONENT, chunk_at, chunk_count, exponential, unset, zeros
 from ..numerics.gaussian import gaussian
 from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, store
 from ..stage import NotNegative, Positive, Range, StageSettings
