@@ -228,8 +228,7 @@ def _merged(comparison: Comparison, settings: RenderSettings) -> MergedBurst:
     single_frame = single_frame_weight(sites.of(noise_ratio).min(axis=2))
     if sites.pattern.is_scattered:
         single_frame = np.maximum(single_frame, sites.of(uncovered(kept, sites)).mean(axis=2))
-    alone = single_frame.astype(np.float32)
-    measured = estimate_colour(cleaned, luminance, settings, SILENT, sums, alone)
+    measured = estimate_colour(cleaned, luminance, settings, SILENT, sums, single_frame)
     samples = samples.relit(measured.luminance - luminance)
     verdicts = tuple(comparison.frames)
     return MergedBurst(comparison.reference, verdicts, noise_ratio, measured, samples)

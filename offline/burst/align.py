@@ -143,14 +143,17 @@ def _opencv_threads() -> Iterator[None]:
 
 
 @_opencv_threads()
-def align(reference: View, frame: View) -> Alignment | str:
-    """Find the motion of a frame, compared with the reference.
+def align(reference: View, frame: View, motion: Motion | None = None) -> Alignment | str:
+    """Find the motion of a frame, compared with the reference, and how many times as bright it is.
 
     Parameters
     ----------
     reference, frame : View
         Luminance of every pixel (`recover_luminance`), of one shape. Noise decides only how much
         the two may differ.
+    motion : Motion | None, optional
+        Where that is known: it stays, and a frame of few pixels counts as as bright as the
+        reference. None = unknown.
 
     Returns
     -------
@@ -160,9 +163,13 @@ def align(reference: View, frame: View) -> Alignment | str:
     """
     height, width = reference.luminance.shape
     if min(height, width) < _SMALLEST:
-        return f"{width} x {height} pixels are too few to be aligned"
+        few = f"{width} x {height} pixels are too few to be aligned"
+        return Alignment(motion) if motion else few
     gain = _gain(reference, frame)
     copies = list(_copies(reference, frame, gain))[::-1]
+    if motion:
+        copy = copies[-1]
+        return Alignment(motion, gain * _aligned(copy, motion.times(1 / copy.scale)).gain)
     # where a large thing moves, its shift may be the likeliest
     starts = Motion(), Motion(_shift(copies[0]))
     best = max((_refined(copies[0], start) for start in starts), key=lambda fit: fit.agreement)
@@ -179,18 +186,6 @@ def align(reference: View, frame: View) -> Alignment | str:
         least = f"at least {100 * _LEAST_AGREEMENT:.0f} % must"
         return f"another scene, or too little texture: {share}, {least}"
     return Alignment(best.motion.times(scale), gain * best.gain, best.error * scale, best.agreement)
-
-
-@_opencv_threads()
-def with_exposure(reference: View, frame: View, motion: Motion) -> Alignment:
-    """A motion that is known, and how many times as bright the frame is: as bright as the reference
-    if it has few pixels.
-    """
-    if min(reference.luminance.shape) < _SMALLEST:
-        return Alignment(motion)
-    gain = _gain(reference, frame)
-    copy = next(_copies(reference, frame, gain))
-    return Alignment(motion, gain * _aligned(copy, motion.times(1 / copy.scale)).gain)
 
 
 class _Copy(NamedTuple):

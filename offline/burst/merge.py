@@ -283,9 +283,8 @@ def _sharpen(fine: Floats2, samples: Floats2) -> None:
         for row in range(rows):
             for column in range(columns):
                 gain = max(_ZERO, _ONE - wide[row, column] / max(power_wide[row, column], _LEAST))
-                fine[row, column] += (
-                    gain * residual_near[row, column] / (near[row, column] + _SPARSE)
-                )
+                samples_near = near[row, column] + _SPARSE
+                fine[row, column] += gain * residual_near[row, column] / samples_near
 
 
 @kernel

@@ -22,7 +22,7 @@ from ..stages.highlights import restore_highlights
 from ..stages.luminance import recover_luminance
 from ..stages.noise import NoiseSettings, estimate_noise, rounding_noise
 from .agree import Reference, agreement, lit_evenly, shaded_alike, unclipped
-from .align import CLIPPED, TINY, View, align, with_exposure
+from .align import CLIPPED, TINY, View, align
 from .motion import Motion, displaced
 
 # Chosen: what refuses a frame lies between the frames that tests/offline/burst/test_robustness.py
@@ -229,8 +229,7 @@ def judge(
     """
     if reason := misfit(shot, reference.shot) or emptiness(frame):
         return Judged(reason, motion), None
-    both = reference.lit_evenly, lit_evenly(frame, shot)
-    aligned = with_exposure(*both, motion) if motion else align(*both)
+    aligned = align(reference.lit_evenly, lit_evenly(frame, shot), motion)
     if isinstance(aligned, str):
         return Judged(aligned), None
     frame = shaded_alike(frame.darker(aligned.gain), shot, reference.shot, aligned.motion)
@@ -242,9 +241,8 @@ def judge(
     agrees = agreement(reference, frame, moved, aligned.motion)
     share = float(agrees.mean()) / 255
     unclipped = visible | ~np.isfinite(moved)
-    agreeing = share
-    if shows := unclipped.mean() > 1 - _GONE:
-        agreeing = max(share, float(agrees[unclipped].mean()) / 255)
+    shows = unclipped.mean() > 1 - _GONE
+    agreeing = max(share, float(agrees[unclipped].mean()) / 255) if shows else share
     reason = ""
     if sharpness < _LEAST_SHARPNESS:
         detail = f"{100 * sharpness:.0f} % of the reference's detail"

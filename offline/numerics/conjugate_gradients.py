@@ -33,7 +33,9 @@ zero.
 BORDER = 2
 """Rows of zeros above a rectangle, and below it."""
 _WIDTH = 16  # elements: rows are a multiple of it, so that loops over them have no rest
-Unsigned = np.unsignedinteger[Any]
+Index = np.unsignedinteger[Any]
+Steps = tuple[Index, Index]
+"""Elements from a row to the next, and from a plane to the next."""
 _ZERO, _ONE, _NEXT = np.float32(0), np.float32(1), np.uintp(1)
 
 
@@ -94,11 +96,11 @@ def linked_sum(links: Floats3, values: Floats2, out: Floats2) -> None:
     """Write the sum of the neighbours' values, each times the link to it."""
     flat, x, sums = links.reshape(-1), values.reshape(-1), out.reshape(-1)
     _, rows, width = links.shape
-    below, plane = np.uintp(width), np.uintp(rows * width)
+    steps = np.uintp(width), np.uintp(rows * width)
     for row in range(BORDER, rows - BORDER):
         for column in range(width):
             index = np.uintp(row * width) + np.uintp(column)
-            sums[index] = _around(flat, index, x, index, below, plane)
+            sums[index] = _around(flat, index, x, index, steps)
 
 
 @kernel
@@ -182,7 +184,8 @@ def _total(sums: Floats1) -> float:
 def _multiply(links: Floats3, diagonal: Scalar, values: Floats3, product: Floats3) -> None:
     """Write a constant diagonal times fields, less what is linked to them, to `product`."""
     (count, rows, width), flat = values.shape, links.reshape(-1)
-    below, plane = np.uintp(width), np.uintp(rows * width)
+    plane = np.uintp(rows * width)
+    steps = np.uintp(width), plane
     for group in range(0, count, TOGETHER):
         x = values[group : group + TOGETHER].reshape(-1)
         out = product[group : group + TOGETHER].reshape(-1)
@@ -190,28 +193,21 @@ def _multiply(links: Floats3, diagonal: Scalar, values: Floats3, product: Floats
             for column in range(width):
                 first = np.uintp(row * width) + np.uintp(column)
                 second, third = first + plane, first + plane + plane
-                one = diagonal * x[first] - _around(flat, first, x, first, below, plane)
-                two = diagonal * x[second] - _around(flat, first, x, second, below, plane)
-                three = diagonal * x[third] - _around(flat, first, x, third, below, plane)
+                one = diagonal * x[first] - _around(flat, first, x, first, steps)
+                two = diagonal * x[second] - _around(flat, first, x, second, steps)
+                three = diagonal * x[third] - _around(flat, first, x, third, steps)
                 out[first] = one
                 out[second] = two
                 out[third] = three
 
 
 @kernel
-def _around(
-    links: Floats1,
-    pixel: Unsigned,
-    values: Floats1,
-    index: Unsigned,
-    below: Unsigned,
-    plane: Unsigned,
-) -> Scalar:
+def _around(links: Floats1, pixel: Index, values: Floats1, index: Index, steps: Steps) -> Scalar:
     """The sum of the neighbours' values, each times its link.
 
-    pixel, index: of the pixel in a plane of links, and in the values. below, plane: elements of a
-    row and of a plane.
+    pixel, index: of the pixel in a plane of links, and in the values.
     """
+    below, plane = steps
     down, right, left = pixel + plane, pixel + plane + plane, pixel + plane + plane + plane
     return (
         links[pixel] * values[index + _NEXT]
