@@ -7,8 +7,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from ...shared.arrays import BoolArray, CodeArray, DoubleArray, FloatArray
-from ...shared.pattern import CfaPattern
+from ...shared import BoolArray, CfaPattern, CodeArray, DoubleArray, FloatArray
 
 FEWEST_WINDOWS = 4  # fewer have no standard error
 _WIDTH = 17  # pixels, along the squares of local means

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...shared.arrays import CodeArray, FloatArray, IndexArray, Pair, strips
-from ...shared.mosaic import Mosaic
-from ...shared.pattern import CfaPattern
+from ...shared import CfaPattern, CodeArray, FloatArray, IndexArray, Mosaic
+from ...shared.arrays import Pair, strips
 from . import contract
 
 _HIGHEST = (1 << 16) - 1

@@ -26,8 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...shared import BoolArray, DoubleArray, FloatArray, InputError
-from ...shared.pattern import CfaPattern
+from ...shared import BoolArray, CfaPattern, DoubleArray, FloatArray, InputError
 from ...shared.site_errors import error_correlation
 
 Place = tuple[int, int]

@@ -68,11 +68,9 @@ def _finished(g: PatternGraph, picture: str) -> bytes:
     sizes[contract.GAIN] = ["gain_rows", "gain_columns"]
     if not g.linear:
         sizes |= {contract.WHITE: [channels], contract.MATRIX: [3, channels]}
-    kind = UINT16 if g.geometry.scale == 1 else FLOAT
-    inputs: dict[str, tuple[int, Shape]] = {contract.MOSAIC: (kind, ["rows", "columns"])}
-    inputs |= {name: (FLOAT, size) for name, size in sizes.items()}
-    kind = FLOAT if g.linear else UINT8
-    output: tuple[str, int, Shape] = (contract.PICTURE, kind, ["height", "width", g.shown])
+    mosaic = contract.MOSAIC, UINT16 if g.geometry.scale == 1 else FLOAT, ["rows", "columns"]
+    inputs = [mosaic, *((name, FLOAT, size) for name, size in sizes.items())]
+    output = contract.PICTURE, FLOAT if g.linear else UINT8, ["height", "width", g.shown]
     facts = {
         "contract": contract.VERSION,
         "builder": BUILDER,
@@ -82,5 +80,4 @@ def _finished(g: PatternGraph, picture: str) -> bytes:
         "output": "linear" if g.linear else "display",
         "halo": " ".join(map(str, g.geometry.halo)),
     }
-    metadata = {f"panchroma.{name}": fact for name, fact in facts.items()}
-    return g.to_bytes(picture, inputs, output, ("panchroma", BUILDER), metadata)
+    return g.to_bytes(picture, inputs, output, facts)

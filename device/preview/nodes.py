@@ -16,6 +16,8 @@ Operand = str | float | Sequence[int] | NDArray[Any]
 """The name of a tensor, or a constant."""
 Shape = Sequence[int | str]
 """Shape of an input or output: sizes, and names for those that vary."""
+Variable = tuple[str, int, Shape]
+"""Name, type and shape of an input or output."""
 
 OPSET, IR_VERSION = 17, 8
 """Versions of the operators and of the file; IR 8 is as old as the opset."""
@@ -82,12 +84,7 @@ class Nodes:
         return self("Reshape", values, self("Concat", *sizes, axis=0))
 
     def to_bytes(
-        self,
-        result: str,
-        inputs: Mapping[str, tuple[int, Shape]],
-        output: tuple[str, int, Shape],
-        producer: tuple[str, str],
-        metadata: Mapping[str, str],
+        self, result: str, inputs: Sequence[Variable], output: Variable, facts: Mapping[str, str]
     ) -> bytes:
         """The finished graph as a file, always with the same bytes.
 
@@ -95,14 +92,11 @@ class Nodes:
         ----------
         result : str
             Name of the result that is the output.
-        inputs : Mapping[str, tuple[int, Shape]]
-            (type, shape) of each input, by name.
-        output : tuple[str, int, Shape]
-            Name, type and shape of the output.
-        producer : tuple[str, str]
-            Name and version of the program that wrote the graph.
-        metadata : Mapping[str, str]
-            Texts that are kept in the file.
+        inputs, output : Sequence[Variable], Variable
+            What the graph takes, and what it returns.
+        facts : Mapping[str, str]
+            Texts that are kept in the file as metadata; `builder` is the version of the program
+            that wrote it.
         """
         constants = [
             _message({1: shape, 2: kind, 8: name, 9: data})
@@ -110,11 +104,11 @@ class Nodes:
         ]
         last = _message({1: result, 2: output[0], 3: output[0], 4: "Identity"})
         nodes, given = [*self._nodes, last], _described(*output)
-        taken = [_described(name, *each) for name, each in inputs.items()]
+        taken = [_described(*each) for each in inputs]
         graph = _message({1: nodes, 2: "preview", 5: constants, 11: taken, 12: given})
-        texts = [_message({1: name, 2: text}) for name, text in metadata.items()]
-        opset, (name, version) = _message({1: "", 2: OPSET}), producer
-        return _message({1: IR_VERSION, 2: name, 3: version, 7: graph, 8: opset, 14: texts})
+        texts = [_message({1: f"panchroma.{name}", 2: fact}) for name, fact in facts.items()]
+        opset, writer = _message({1: "", 2: OPSET}), {2: "panchroma", 3: facts["builder"]}
+        return _message({1: IR_VERSION, **writer, 7: graph, 8: opset, 14: texts})
 
     def _append(
         self, operator: str, inputs: Sequence[Operand], outputs: int, **attributes: int | list[int]

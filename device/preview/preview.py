@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...shared import ByteArray, FloatArray, InputError, processors
-from ...shared.calibration import SensorCalibration
+from ...shared import ByteArray, CfaPattern, FloatArray, InputError, Mosaic, SensorCalibration
 from ...shared.display import display_white
-from ...shared.mosaic import Mosaic
-from ...shared.pattern import CfaPattern
+from ...shared.processors import threads as chosen_threads
 from ...shared.runtime import session
 from . import contract
 from .codes import copy_extended, correct_flat_field, without_defects
@@ -134,7 +132,7 @@ class Preview:
 
         # A pool of its own for each picture: one that stays would wait for ever for a thread whose
         # start is interrupted.
-        threads = self._threads or processors.threads()
+        threads = self._threads or chosen_threads()
         with ThreadPoolExecutor(threads, "preview") as pool:
             list(pool.map(work, range(threads)))  # raises an error of a strip
         return picture

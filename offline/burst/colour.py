@@ -131,8 +131,7 @@ class ColourSamples:
         change : FloatArray
             (H, W).
         """
-        filled = self.filled + self._there(change)
-        return replace(self, filled=filled.astype(np.float32, copy=False))
+        return replace(self, filled=self.filled + self._there(change))
 
     def where_others(self, luminance: FloatArray, noise_ratio: FloatArray) -> "ColourSamples":
         """The samples where the reference is not alone. Where it is, the picture stays that of one
@@ -242,11 +241,7 @@ class Spreading(RowStage):
     measured: Frame
 
     name = "samples"
-
-    @property
-    def halo(self) -> Halo:
-        """A chunk and what surrounds it."""
-        return Halo(HALO + 1, SIDE)  # a sample beside the halo shows in its last row
+    halo = Halo(HALO + 1, SIDE)  # a sample beside the halo shows in its last row
 
     @cached_property
     def _in_rows(self) -> tuple[IndexArray, FloatArray, FloatArray]:

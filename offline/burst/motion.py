@@ -177,9 +177,8 @@ def map_points(
     """
     for point in range(chunks[0], chunks[1]):
         y, x = points[point, 0], points[point, 1]
-        out[point, 0], out[point, 1] = (
-            reference_place(motions, 0, y, x) if inverse else frame_place(motions, 0, y, x)
-        )
+        place = reference_place(motions, 0, y, x) if inverse else frame_place(motions, 0, y, x)
+        out[point, 0], out[point, 1] = place
 
 
 @parallel_kernel()

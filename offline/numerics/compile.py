@@ -43,12 +43,8 @@ P = ParamSpec("P")
 
 # Fused multiply-add, but nothing that changes the order of a sum: a kernel's result must not depend
 # on where a row begins.
-_OPTIONS: dict[str, Any] = {
-    "fastmath": {"contract"},
-    "error_model": "numpy",
-    "nogil": True,
-    "no_cfunc_wrapper": True,  # no C program calls them
-}
+_OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "nogil": True}
+_OPTIONS["no_cfunc_wrapper"] = True  # no C program calls them
 _compiling = threading.Lock()
 _listeners: ContextVar[tuple[Callable[[int, int], None], ...]] = ContextVar("listeners", default=())
 

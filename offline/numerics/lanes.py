@@ -123,17 +123,9 @@ def _store(_: Any, array: Any, index: Any, lanes: Any) -> Any:
     return types.void(array, index, _LANES), code
 
 
-def _pick(comparison: str) -> Any:
-    return _binary(
-        lambda builder, a, b: builder.select(builder.fcmp_ordered(comparison, a, b), a, b)
-    )
-
-
-def _where_less(_: Any, a: Any, b: Any, then: Any, otherwise: Any) -> Any:
-    def choose(builder: Any, a: Any, b: Any, then: Any, otherwise: Any) -> Any:
-        return builder.select(builder.fcmp_ordered("<", a, b), then, otherwise)
-
-    return _elementwise(choose, a, b, then, otherwise)
+def _choose(builder: Any, a: Any, b: Any, then: Any, otherwise: Any) -> Any:
+    """`then` where a < b."""
+    return builder.select(builder.fcmp_ordered("<", a, b), then, otherwise)
 
 
 def _root(builder: Any, x: Any) -> Any:
@@ -147,8 +139,10 @@ def _seed(builder: Any, x: Any) -> Any:
     return builder.bitcast(bits, _FLOATS)
 
 
-load, store, where_less = intrinsic(_load), intrinsic(_store), intrinsic(_where_less)
-lesser, greater = _pick("<"), _pick(">")
+load, store = intrinsic(_load), intrinsic(_store)
+where_less = intrinsic(lambda typing, a, b, c, d: _elementwise(_choose, a, b, c, d))
+lesser = _binary(lambda builder, a, b: _choose(builder, a, b, a, b))
+greater = _binary(lambda builder, a, b: _choose(builder, b, a, a, b))
 quotient, square_root = _binary(lambda builder, a, b: builder.fdiv(a, b)), _unary(_root)
 root_seed = _unary(_seed)
 """An approximation of x^(-1/2) for x > 0, by halving the exponent as an integer."""

@@ -9,7 +9,7 @@ import pytest
 from panchroma.device import Preview
 from panchroma.device.preview import preview as runtime
 from panchroma.device.preview.geometry import Geometry
-from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, processors
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import CodeArray
 from panchroma.shared.errors import InputError
 from panchroma.tools.io.colour import encode_srgb
@@ -51,7 +51,7 @@ def test_threads_are_those_of_the_program_or_environment(monkeypatch: pytest.Mon
     monkeypatch.setattr(runtime, "ThreadPoolExecutor", pools)
     preview = Preview.for_mosaic(mosaic)
     for number in (3, 2):  # may change after it is built
-        monkeypatch.setattr(processors, "threads", lambda number=number: number)
+        monkeypatch.setattr(runtime, "chosen_threads", lambda number=number: number)
         preview.run(mosaic)
     Preview.for_mosaic(mosaic, threads=1).run(mosaic)
     assert [call.args[0] for call in pools.call_args_list] == [3, 2, 1]
