@@ -126,9 +126,10 @@ class _Check:
     """Frames so far, and what they have confirmed. For the arguments see `checked`."""
 
     def __init__(self, sensor: Sensor, note: Callable[[str], None]) -> None:
-        self._sensor, self._note = sensor, note
-        size = sensor.layout.width, sensor.layout.height
-        self._side = min(max(_SIDE, _PERIODS * sensor.pattern.period), *size)  # of a window, pixels
+        self._sensor, self._note, self._layout = sensor, note, sensor.layout
+        self._pattern, self._calibration = sensor.pattern, sensor.calibration
+        most = min(self._layout.width, self._layout.height)
+        self._side = min(max(_SIDE, _PERIODS * self._pattern.period), most)  # of a window, pixels
         self._confirmed = 0
         self._has_colours = False
 
@@ -140,7 +141,7 @@ class _Check:
         """
         is_known = self._confirmed >= _ENOUGH
         # whoever reads it says so
-        if is_known and len(frame.data) != self._sensor.layout.frame_bytes:
+        if is_known and len(frame.data) != self._layout.frame_bytes:
             return False
         shown = self._later(frame) if is_known else self._first(frame)
         if shown and self._confirmed and not is_known:
@@ -150,30 +151,28 @@ class _Check:
 
     def _first(self, frame: RawFrame) -> bool:
         """Return whether all of a frame shows the pattern, and note what it leaves open."""
-        layout, pattern = self._sensor.layout, self._sensor.pattern
-        calibration = self._sensor.calibration
-        codes = layout.unpack(frame.data)
+        codes = self._layout.unpack(frame.data)
         windows = Windows.of(codes, self._side, _FIRST_WINDOWS)
-        reason = impossible_level(codes, windows, calibration)
+        reason = impossible_level(codes, windows, self._calibration)
         if reason := reason or contradiction(self._sensor, frame, codes, windows):
             self._refuse(frame, reason)
-        shown = shows_filters(windows, pattern)
+        shown = shows_filters(windows, self._pattern)
         if shown is False and self._confirmed:
-            rows = f"frames have another number of rows than {layout.height}"
+            rows = f"frames have another number of rows than {self._layout.height}"
             self._refuse(frame, f"it does not begin where the frame before it ended: {rows}")
-        if shown is False or (shown and has_longer_period(windows, pattern)):
+        if shown is False or (shown and has_longer_period(windows, self._pattern)):
             places = "the colour sites are not where `pattern` and `origin` say"
             rows = "or rows do not begin where `stride` and `width` say"
             self._refuse(frame, f"{places}, {rows}")
         if shown is None:
-            if not is_even(codes, calibration) and lacks_filters(windows, pattern, calibration):
+            if not is_even(codes, self._calibration) and lacks_filters(windows, self._sensor):
                 colours = "the samples at the places of the colour filters"
                 self._refuse(frame, f"{colours} are as bright as their neighbours")
-            why = hindrance(codes, calibration)
+            why = hindrance(codes, self._calibration)
             self._note(_OPEN.format(f"size, format and pattern are right ({why})"))
             return False
         self._look_at_colours(frame, windows)
-        if remark := open_bits(codes, calibration):
+        if remark := open_bits(codes, self._calibration):
             self._note(remark)
         return True
 
@@ -181,8 +180,7 @@ class _Check:
         """Return the same of the last rows of a frame, which move when anything before them slips.
         Raises SlippedError where they show anything else.
         """
-        layout, pattern = self._sensor.layout, self._sensor.pattern
-        calibration = self._sensor.calibration
+        layout, bits = self._layout, self._calibration.bits
         across = max(layout.width // self._side, 1)
         for least in (_LAST_WINDOWS, _MORE_WINDOWS):
             rows = min(self._side * -(-least // across), layout.height)
@@ -190,9 +188,9 @@ class _Check:
             last = memoryview(frame.data)[top * layout.stride :]
             codes = replace(layout, height=rows).unpack(last)
             windows = Windows.of(codes, self._side, 2 * least, top)
-            shown = shows_filters(windows, pattern)
-            has_its_bits = codes.max() >> calibration.bits == 0 and not has_gap(codes, layout)
-            is_alike = shown is None and not lacks_filters(windows, pattern, calibration)
+            shown = shows_filters(windows, self._pattern)
+            has_its_bits = codes.max() >> bits == 0 and not has_gap(codes, layout)
+            is_alike = shown is None and not lacks_filters(windows, self._sensor)
             if not (has_its_bits and (shown or is_alike)):
                 raise SlippedError(_SLIPPED)
             if shown:
@@ -202,23 +200,22 @@ class _Check:
 
     def _look_at_colours(self, frame: RawFrame, windows: Windows) -> None:
         """Note what the windows of a frame that shows its filters leave open of their colours."""
-        pattern = self._sensor.pattern
-        if self._has_colours and not pattern.is_scattered:
+        if self._has_colours and not self._pattern.is_scattered:
             return
-        coloured = shows_colours(windows, pattern, self._sensor.calibration)
+        coloured = shows_colours(windows, self._sensor)
         if coloured is False and self._has_colours:
             raise SlippedError(_SLIPPED)
         if coloured is False:  # until a frame shows them they may as well be described wrongly
             greens = "the two greens of a block lie on the other diagonal"
             scattered = "its colours are at other sites of the tile"
-            self._refuse(frame, scattered if pattern.is_scattered else greens)
+            self._refuse(frame, scattered if self._pattern.is_scattered else greens)
         self._has_colours |= coloured is True
         if not self._has_colours:
-            self._note(_OPEN.format(_COLOUR_SITES if pattern.is_scattered else _GREENS))
+            self._note(_OPEN.format(_COLOUR_SITES if self._pattern.is_scattered else _GREENS))
 
     def _refuse(self, frame: RawFrame, reason: str) -> NoReturn:
         """Raise FrameError with the reason."""
-        layout, source = self._sensor.layout, frame.source or "FRAME"
+        layout, source = self._layout, frame.source or "FRAME"
         raise FrameError(
             f"the frame is not as described: {reason}; run `panchroma identify {source} --size "
             f"{layout.width}x{layout.height} --pixel-format {layout.format} --stride "
@@ -298,10 +295,11 @@ def has_longer_period(windows: Windows, pattern: CfaPattern) -> bool:
     return not pattern.is_scattered and bool(first > least)
 
 
-def lacks_filters(windows: Windows, pattern: CfaPattern, calibration: SensorCalibration) -> bool:
+def lacks_filters(windows: Windows, sensor: Sensor) -> bool:
     """Return whether there is light, and the colour sites are as bright as panchromatic pixels in
     the same rows, or columns.
     """
+    pattern, calibration = sensor.pattern, sensor.calibration
     black, white = float(np.mean(calibration.black_level)), calibration.white_level
     sites = ~pattern.panchromatic_mask((pattern.period, pattern.period))
     levels = windows.levels(pattern.period) - black
@@ -317,9 +315,7 @@ def lacks_filters(windows: Windows, pattern: CfaPattern, calibration: SensorCali
     return False
 
 
-def shows_colours(
-    windows: Windows, pattern: CfaPattern, calibration: SensorCalibration
-) -> bool | None:
+def shows_colours(windows: Windows, sensor: Sensor) -> bool | None:
     """Return whether each colour is at the sites where `pattern` has it; None where the windows do
     not show it.
 
@@ -330,6 +326,7 @@ def shows_colours(
     windows : Windows
         They show the panchromatic pixels where `pattern` has them.
     """
+    pattern, calibration = sensor.pattern, sensor.calibration
     period, candidates = pattern.period, [pattern]
     if pattern.is_scattered:
         alike = np.argwhere(_places_alike(pattern, pattern.block_origin)).tolist()

@@ -131,9 +131,7 @@ def format_named(name: str) -> tuple[str, int]:
         For an unknown one.
     """
     for ours, packing in FORMATS.items():
-        if name == ours:
-            return ours, packing.bits
-        if found := re.fullmatch(packing.names, name):
+        if found := re.fullmatch(f"{ours}|{packing.names}", name):
             return ours, int(found.groupdict().get("bits") or packing.bits)
     if "PISP_COMP" in name:
         remedy = "ask the camera for unpacked frames: rpicam-raw --mode W:H:12:U"

@@ -16,7 +16,7 @@ from ...shared.pattern import CfaPattern
 from . import contract
 from .chromaticity import estimate_ratios, pool, propagate
 from .luminance import bin_pixels, correct_luminance, fill_holes, fill_pixels, measure_blocks
-from .nodes import FLOAT, UINT8, UINT16, Shape
+from .nodes import FLOAT, UINT8, UINT16, Shape, Variable
 from .pattern_graph import PatternGraph
 from .picture import burnt_out, display, in_picture_units, interleave
 
@@ -70,7 +70,7 @@ def _finished(g: PatternGraph, picture: str) -> bytes:
         sizes |= {contract.WHITE: [channels], contract.MATRIX: [3, channels]}
     mosaic = contract.MOSAIC, UINT16 if g.geometry.scale == 1 else FLOAT, ["rows", "columns"]
     inputs = [mosaic, *((name, FLOAT, size) for name, size in sizes.items())]
-    output = contract.PICTURE, FLOAT if g.linear else UINT8, ["height", "width", g.shown]
+    output: Variable = contract.PICTURE, FLOAT if g.linear else UINT8, ["height", "width", g.shown]
     facts = {
         "contract": contract.VERSION,
         "builder": BUILDER,

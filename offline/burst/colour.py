@@ -60,6 +60,8 @@ class ColourSamples:
 
     Attributes
     ----------
+    own : int
+        How many of them, the first ones, are the reference's.
     places : FloatArray
         (M, 2), row and column in the reference, pixels.
     channels : ByteArray
@@ -75,10 +77,9 @@ class ColourSamples:
     weight : FloatArray
         (M,), how far they count by the agreement of their frames and by what is known of luminance
         there, 0 to 1.
-    own : int
-        How many of them, the first ones, are the reference's.
     """
 
+    own: int
     places: FloatArray
     channels: ByteArray
     values: FloatArray
@@ -86,7 +87,6 @@ class ColourSamples:
     variance: FloatArray
     usual: FloatArray
     weight: FloatArray
-    own: int
 
     @classmethod
     def of(cls, kept: Sequence[Kept], fine: FloatArray, sites: Sites) -> "ColourSamples":
@@ -117,11 +117,7 @@ class ColourSamples:
             variance, usual = (noise.variance(values, channels, gains) for noise in models)
             weight, kinds = agrees[used] / np.float32(255), channels.astype(np.uint8)
             frames.append((places.T, kinds, values, filled, variance, usual, weight))
-        places, channels, values, filled, variance, usual, weight = (
-            np.concatenate(arrays) for arrays in zip(*frames, strict=True)
-        )
-        own = len(frames[0][0])
-        return cls(places, channels, values, filled, variance, usual, weight, own)
+        return cls(len(frames[0][0]), *map(np.concatenate, zip(*frames, strict=True)))
 
     def relit(self, change: FloatArray) -> "ColourSamples":
         """The samples where luminance has changed.

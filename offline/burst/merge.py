@@ -81,14 +81,11 @@ def merge_luminance(kept: Sequence[Kept], sites: Sites) -> tuple[FloatArray, Flo
     sites : Sites
         Of the reference.
     """
-    shape, models = sites.grid.frame, [one.frame.noise for one in kept]
-    frames = Frames(
-        np.stack([one.frame.luminance for one in kept]),
-        np.stack([one.agreement for one in kept]),
-        np.array([(model.shot[-1], model.read[-1] ** 2) for model in models]),
-        sites.pattern.panchromatic_mask(shape),
-        Motions.of([one.motion for one in kept], shape),
-    )
+    shape, (views, motions, agreement) = sites.grid.frame, zip(*kept, strict=True)
+    planes = np.stack([view.luminance for view in views])
+    noise = np.array([(view.noise.shot[-1], view.noise.read[-1] ** 2) for view in views])
+    panchromatic, places = sites.pattern.panchromatic_mask(shape), Motions.of(motions, shape)
+    frames = Frames(planes, np.stack(agreement), noise, panchromatic, places)
     luminance = np.empty((2 * shape[0] - 1, 2 * shape[1] - 1), np.float32)
     noise_ratio = np.empty(shape, np.float32)
     merge(frames, luminance, noise_ratio)

@@ -46,7 +46,7 @@ def samples_of(
     values = truth[y, x, of] * filled + random.normal(0, variance**0.5, count).astype(np.float32)
     places, ones = np.stack([y, x], axis=1).astype(np.float32), np.ones(count, np.float32)
     variances = ones * np.float32(variance)
-    return ColourSamples(places, of.astype(np.uint8), values, filled, variances, variances, ones, 0)
+    return ColourSamples(0, places, of.astype(np.uint8), values, filled, variances, variances, ones)
 
 
 def spread(
