@@ -128,8 +128,8 @@ def without_defects(codes: CodeArray, pattern: CfaPattern, defects: tuple[Pair, 
         alike = places[(phases == phase).all(axis=1)]
         values = np.full((len(alike), _SAMPLES), np.nan)
         counts = np.zeros(len(alike), np.intp)
-        missing = np.arange(len(alike))
         for step in _same_filter(pattern, *phase.tolist()):
+            missing = np.flatnonzero(counts < _SAMPLES)
             if not len(missing):
                 break
             around = alike[missing] + step
@@ -139,7 +139,6 @@ def without_defects(codes: CodeArray, pattern: CfaPattern, defects: tuple[Pair, 
             filled = missing[is_good]
             values[filled, counts[filled]] = codes[rows, columns][is_good]
             counts[filled] += 1
-            missing = missing[counts[missing] < _SAMPLES]
         known = counts > 0
         mended[tuple(alike[known].T)] = np.rint(np.nanmedian(values[known], axis=1))
     return mended

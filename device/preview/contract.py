@@ -35,9 +35,6 @@ rows separated by "/"), .channels (their letters, in order), .scale, .output ("d
 "linear"), .halo (pixels around the patches: above, below, left, right).
 """
 
-import numpy as np
-from numpy.typing import DTypeLike
-
 from ...shared.pattern import CfaPattern
 
 VERSION = "4"
@@ -45,11 +42,6 @@ VERSION = "4"
 MOSAIC, BLACK, SCALE, GAMMA, NOISE = "mosaic", "black", "scale", "gamma", "noise"
 WHITE, MATRIX, GAIN = "white", "matrix", "gain"
 PICTURE = "picture"
-
-
-def mosaic_type(scale: int) -> DTypeLike:
-    """Type of the input `mosaic`."""
-    return np.uint16 if scale == 1 else np.float32
 
 
 def tile_name(pattern: CfaPattern) -> str:

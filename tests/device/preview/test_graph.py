@@ -166,7 +166,7 @@ def test_noise_is_that_before_the_gain(pattern: CfaPattern, scale: int, linear: 
     shape = above + 5 * pattern.period + below, left + 6 * pattern.period + right
     dark = np.random.default_rng(0).integers(250, 900, shape)  # far below full scale
     inputs = preview._inputs(calibration)
-    inputs[contract.MOSAIC] = dark.astype(contract.mosaic_type(scale))
+    inputs[contract.MOSAIC] = dark.astype(np.uint16 if scale == 1 else np.float32)
     if not linear:
         inputs[contract.MATRIX] = np.eye(3, len(pattern.channels), dtype=np.float32)
 
