@@ -265,8 +265,7 @@ def shows_filters(windows: Windows, pattern: CfaPattern) -> bool | None:
         return None
     flat = windows.flattened()
     explained, certainties = _explained(flat, pattern, pattern.period)
-    row, column = np.unravel_index(int(explained.argmax()), explained.shape)
-    best = int(row), int(column)
+    best = divmod(int(explained.argmax()), pattern.period)
     most, ours = float(explained[best]), _places_alike(pattern, pattern.block_origin)
     here, elsewhere = explained[ours].max(), explained[~ours].max(initial=0.0)
     if here == most > _BETTER * elsewhere and certainties[best] > _CERTAIN:
@@ -286,9 +285,8 @@ def has_longer_period(windows: Windows, pattern: CfaPattern) -> bool:
     """Return whether blocks repeat at twice the period of `pattern` only. It is for windows that
     show them.
     """
-    period = 2 * pattern.period
     flat = windows.flattened()
-    explained, _ = _explained(flat, pattern, period)
+    explained, _ = _explained(flat, pattern, 2 * pattern.period)
     rows, columns = (slice(place, None, pattern.period) for place in pattern.block_origin)
     *_, second, first = np.sort(explained[rows, columns], axis=None)
     least = max(_FAR * second, _PLAIN / 2 * float(np.square(flat.codes).mean()))

@@ -155,13 +155,12 @@ def _noted_file(path: Path, named: list[Path]) -> Iterator[BinaryIO]:
 
 
 def _check_link(link: Path) -> None:
+    why = "exists and is no link; choose another name for the link to the latest shot"
     try:
         if not link.parent.is_dir():
             why = "there is no such folder for the link to the latest shot"
         elif stat.S_ISLNK(link.lstat().st_mode):
             return
-        else:
-            why = "exists and is no link; choose another name for the link to the latest shot"
     except FileNotFoundError:
         return
     except (OSError, ValueError) as error:  # ValueError: a null character

@@ -43,11 +43,10 @@ class PatternGraph(Nodes):
         self.channels = channels = len(pattern.channels)
         self.shown = channels if linear else 3
         above, below, left, right = self.geometry.halo
-        lengths = (
-            self("Sub", self("Shape", contract.MOSAIC, start=axis, end=axis + 1), [halo])
-            for axis, halo in enumerate((above + below, left + right))
-        )
-        self.patches = [self("Div", length, [pattern.period]) for length in lengths]
+        self.patches = []
+        for axis, halo in enumerate((above + below, left + right)):
+            size = self("Shape", contract.MOSAIC, start=axis, end=axis + 1)
+            self.patches.append(self("Div", self("Sub", size, [halo]), [pattern.period]))
         self.gamma = self("Unsqueeze", contract.GAMMA, [1, 2])
         self.black = self("Slice", contract.BLACK, [channels], [channels + 1])
         self.unit = self("Slice", contract.SCALE, [channels], [channels + 1])

@@ -267,9 +267,7 @@ def _sharpen(fine: Floats2, samples: Floats2) -> None:
     smooth_rows(count, _NARROW, 0, rows, near)
     smooth_rows(count, _WIDE, 0, rows, wide)
     for _ in range(_ITERATIONS):
-        for row in range(rows):
-            for column in range(columns):
-                error[row, column] = power[row, column] = _ZERO
+        error[:] = power[:] = _ZERO
         for sample in range(len(samples)):
             y, x, weight = samples[sample, 0], samples[sample, 1], samples[sample, 3]
             residual = samples[sample, 2] - interpolated(fine, y, x)

@@ -32,9 +32,8 @@ def scaled_reciprocal_root(x: Lanes, scale: Scalar) -> Lanes:
     """
     y = root_seed(x)
     r = x * y * y
-    return y * (
-        scale * _ROOT[0] + r * (scale * _ROOT[1] + r * (scale * _ROOT[2] + r * (scale * _ROOT[3])))
-    )
+    rest = scale * _ROOT[1] + r * (scale * _ROOT[2] + r * (scale * _ROOT[3]))
+    return y * (scale * _ROOT[0] + r * rest)
 
 
 @kernel

@@ -73,10 +73,6 @@ def _elementwise(generate: Callable[..., Any], *arguments: Any) -> Any:
     return _LANES(*arguments), code
 
 
-def _unary(generate: Callable[..., Any]) -> Any:
-    return intrinsic(lambda typing, a: _elementwise(generate, a))
-
-
 def _binary(generate: Callable[..., Any]) -> Any:
     return intrinsic(lambda typing, a, b: _elementwise(generate, a, b))
 
@@ -143,6 +139,7 @@ load, store = intrinsic(_load), intrinsic(_store)
 where_less = intrinsic(lambda typing, a, b, c, d: _elementwise(_choose, a, b, c, d))
 lesser = _binary(lambda builder, a, b: _choose(builder, a, b, a, b))
 greater = _binary(lambda builder, a, b: _choose(builder, b, a, a, b))
-quotient, square_root = _binary(lambda builder, a, b: builder.fdiv(a, b)), _unary(_root)
-root_seed = _unary(_seed)
+quotient = _binary(lambda builder, a, b: builder.fdiv(a, b))
+square_root = intrinsic(lambda typing, a: _elementwise(_root, a))
+root_seed = intrinsic(lambda typing, a: _elementwise(_seed, a))
 """An approximation of x^(-1/2) for x > 0, by halving the exponent as an integer."""

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...shared.arrays import FloatArray
-from .arrays import Doubles1, Floats1, Floats2, Floats3, Frozen2, Ints1, Scalar
+from .arrays import Doubles1, Floats2, Floats3, Frozen2, Ints1
 from .compile import Chunks, kernel, parallel_kernel
 from .conjugate_gradients import (
     BORDER,
@@ -27,7 +27,7 @@ from .conjugate_gradients import (
     planes,
     solve,
 )
-from .functions import chunk_at, chunk_count, zeros
+from .functions import ORIENTATIONS, chunk_at, chunk_count, zeros
 
 SIDE = 128
 """Rows and columns of a chunk, which is solved at a time. Chosen for speed."""
@@ -138,23 +138,17 @@ def _link(luminance: Floats2, prior: Prior, links: Floats3) -> None:
     links : Floats3
         Planes of `conjugate_gradients`, zeros at first.
     """
-    smoothness, scale = np.float32(prior.smoothness), np.float32(1 / prior.edge**2)
-    rows, half = len(luminance), _HALF * smoothness
-    for row in range(rows):
-        here, at = luminance[row], BORDER + row
-        _link_row(here[:-1], here[1:], smoothness, scale, links[0, at])
-        if row + 1 < rows:
-            there = luminance[row + 1]
-            _link_row(here, there, smoothness, scale, links[1, at])
-            _link_row(here[:-1], there[1:], half, scale, links[2, at])
-            _link_row(here[1:], there[:-1], half, scale, links[3, at, 1:])
-
-
-@kernel
-def _link_row(here: Floats1, there: Floats1, weight: Scalar, scale: Scalar, links: Floats1) -> None:
-    for column in range(len(here)):
-        step = there[column] - here[column]
-        links[column] = weight / (_ONE + step * step * scale)
+    scale, columns = np.float32(1 / prior.edge**2), luminance.shape[1]
+    for link in range(len(ORIENTATIONS)):
+        down, right = ORIENTATIONS[link]
+        weight = np.float32(prior.smoothness) * (_ONE if link < 2 else _HALF)
+        first, end = max(-right, 0), columns - max(right, 0)
+        for row in range(len(luminance) - down):
+            here, there = luminance[row, first:end], luminance[row + down, first + right :]
+            out = links[link, BORDER + row, first:]
+            for column in range(len(here)):
+                step = there[column] - here[column]
+                out[column] = weight / (_ONE + step * step * scale)
 
 
 @kernel
@@ -173,23 +167,12 @@ def _solved(
     residual[0] = _ONE
     linked_sum(links, residual[0], degree)
     residual[0] = _ZERO
-    for field in range(padded):
-        if field < count:
-            _place(products[field], residual[field])
-            _place(weights[field], diagonal[field])
-        for row in range(BORDER, BORDER + rows):
-            line, sums = diagonal[field, row], degree[row]
+    for field in range(count):
+        for row in range(rows):
+            at, sums = BORDER + row, degree[BORDER + row]
             for column in range(columns):
-                line[column] += sums[column] + fading
+                residual[field, at, column] = products[field, row, column]
+                diagonal[field, at, column] = weights[field, row, column] + (sums[column] + fading)
     fields, limits = zeros(padded, *shape), Limits(tolerance, _ITERATIONS)
     left, used = solve(System(links, diagonal), residual, fields, limits, 0.0)
     return fields, left, used
-
-
-@kernel
-def _place(source: Floats2, plane: Floats2) -> None:
-    """Copy values into a plane."""
-    for row in range(len(source)):
-        line, values = plane[BORDER + row], source[row]
-        for column in range(len(values)):
-            line[column] = values[column]
