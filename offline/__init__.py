@@ -22,32 +22,9 @@ from .pipeline import (
 from .settings import BEST, PAPER, PRESETS, UNLEARNED, RenderSettings
 from .stages.colour_network import network_name
 
-__all__ = [
-    "BEST",
-    "PAPER",
-    "PRESETS",
-    "UNLEARNED",
-    "Band",
-    "Frame",
-    "Halo",
-    "RenderSettings",
-    "Rendering",
-    "RowStage",
-    "Stages",
-    "available_threads",
-    "clean_frame",
-    "colour_bands",
-    "compilation",
-    "compile_kernel",
-    "estimate_colour",
-    "kernel_cache",
-    "kernels_to_compile",
-    "measure",
-    "network_name",
-    "render",
-    "render_bands",
-    "rendering_memory",
-    "row_stages",
-    "threads",
-    "use_threads",
-]
+__all__ = ["BEST", "PAPER", "PRESETS", "UNLEARNED", "RenderSettings", "Rendering", "render"]
+__all__ += ["colour_bands", "network_name", "render_bands", "rendering_memory"]
+__all__ += ["Band", "Frame", "Halo", "RowStage", "Stages", "clean_frame", "estimate_colour"]
+__all__ += ["measure", "row_stages"]
+__all__ += ["compilation", "compile_kernel", "kernel_cache", "kernels_to_compile"]
+__all__ += ["available_threads", "threads", "use_threads"]

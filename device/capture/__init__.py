@@ -5,16 +5,5 @@ from .frames import FrameLayout, RawFrame, Sensor, read_frames
 from .loop import PreviewMaker, Refused, Saved, capture, capture_burst
 from .shots import ShotFolder
 
-__all__ = [
-    "FrameLayout",
-    "FrameQueue",
-    "PreviewMaker",
-    "RawFrame",
-    "Refused",
-    "Saved",
-    "Sensor",
-    "ShotFolder",
-    "capture",
-    "capture_burst",
-    "read_frames",
-]
+__all__ = ["FrameLayout", "FrameQueue", "PreviewMaker", "RawFrame", "Refused", "Saved", "Sensor"]
+__all__ += ["ShotFolder", "capture", "capture_burst", "read_frames"]

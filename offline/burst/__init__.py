@@ -25,16 +25,8 @@ from .merge import denoised, merge_luminance, uncovered
 from .motion import Motion, in_frame, in_reference
 from .select import Comparison, Judged, compare_frames, copies
 
-__all__ = [
-    "Judged",
-    "MergedBurst",
-    "Motion",
-    "burst_memory",
-    "in_frame",
-    "in_reference",
-    "merge_burst",
-    "render_burst_bands",
-]
+__all__ = ["Judged", "MergedBurst", "Motion", "burst_memory", "in_frame", "in_reference"]
+__all__ += ["merge_burst", "render_burst_bands"]
 
 # Bytes per pixel, measured at 3 and 12 megapixels and rounded up: of each frame
 # (luminance, agreement, colour samples) and besides (what compares one frame with the reference).
