@@ -34,23 +34,12 @@ from ...shared.arrays import BORDER, BoolArray, FloatArray, IndexArray, Pair
 from ...shared.mosaic import Mosaic
 from ...shared.pattern import CfaPattern
 from ...shared.progress import SILENT, Progress
-from ..numerics.arrays import (
-    Bools1,
-    Bools2,
-    Floats1,
-    Floats2,
-    Floats3,
-    Floats4,
-    Ints1,
-    Ints2,
-    Scalar,
-    Single,
-)
+from ..numerics.arrays import Bools2, Floats1, Floats2, Floats3, Floats4, Ints1, Ints2, Single
 from ..numerics.chunks import copy_array, in_strips
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.functions import mirrored, scaled_reciprocal_root, zeros
 from ..numerics.gaussian import TRUNCATE, smoothed
-from ..numerics.lanes import WIDTH, Lanes, greater, lesser, load, store
+from ..numerics.lanes import WIDTH, Lanes, lesser, load, store
 from ..stage import Between, Count, Positive, StageSettings
 from .luminance_network import correct_fill
 
@@ -155,7 +144,7 @@ def fill(
     plane = np.ascontiguousarray(np.pad(start, ((0, 0), (REACH, REACH)), mode=BORDER))
     result, holes = plane.copy(), np.ascontiguousarray(holes)
     for threshold in thresholds:
-        shrink_once(plane, result, holes, _TAPS, threshold)
+        shrink_once(plane, result, holes, threshold)
         plane, result = result, plane
         progress.advance()
     return plane[:, REACH:-REACH].copy()
@@ -222,7 +211,7 @@ def _fill_isolated(
     places, extent = np.array([site[:2] for site in pattern.sites]), pattern.block_shape
     inner = np.ones((3, down + 3, across + 3))
     inside = np.flatnonzero(np.pad(inner, ((0, 0), (1, 1), (1, 1))))
-    kind = extent, places, _FILTERS, _response(extent, places), inside
+    kind = extent, places, _response(extent, places), inside
     for first in range(0, len(rows), _ROWS):
         corner = int(rows[first]), int(columns[0])
         down = min(_ROWS, len(rows) - first)
@@ -249,7 +238,7 @@ _STRIP = 64  # rows of a chunk; chosen for speed
 
 @parallel_kernel(chunks=lambda plane, *_: -(-len(plane) // _STRIP))
 def shrink_once(
-    chunks: Chunks, plane: Floats2, result: Floats2, holes: Bools2, taps: Floats2, threshold: Single
+    chunks: Chunks, plane: Floats2, result: Floats2, holes: Bools2, threshold: Single
 ) -> None:
     """Shrink the coefficients of a plane once, and write the new values of its holes to `result`.
 
@@ -261,13 +250,11 @@ def shrink_once(
         Same shape, equal to `plane` except in the holes; holes are written, mirrored ones too.
     holes : Bools2
         bool (rows, W), True at a hole; the rows repeat down the plane.
-    taps : Floats2
-        (2, 4), low-pass and high-pass.
     threshold : Single
         Scene units.
     """
     height, width = len(plane), holes.shape[1]
-    low_pass, high_pass = taps
+    low_pass, high_pass = _TAPS
     full = np.array([line.any() for line in holes])
     low, high, change = zeros(width + 2 * REACH), zeros(width + 2 * REACH), zeros(width)
     squares, subbands, removed = zeros(width + 5), zeros(3, 3, width + 5), zeros(3, 4, width + 3)
@@ -289,8 +276,10 @@ def shrink_once(
             target = row - REACH - 1
             line = target % len(holes)
             if target >= first and full[line]:
-                _synthesise(removed, target, taps, low, high, change)
-                _subtract(plane[target, REACH:], change, holes[line], result[target, REACH:])
+                _synthesise(removed, target, low, high, change)
+                for column in range(width):
+                    gone = change[column] if holes[line, column] else _ZERO
+                    result[target, REACH + column] = plane[target, REACH + column] - gone
                 mirror_columns(result[target], width)
 
 
@@ -317,7 +306,7 @@ def _add(taps: Floats1, a: Floats1, b: Floats1, c: Floats1, d: Floats1, out: Flo
 
 
 @kernel
-def _shrink(three: Floats2, middle: int, threshold: Scalar, squares: Floats1, out: Floats1) -> None:
+def _shrink(three: Floats2, middle: int, threshold: Single, squares: Floats1, out: Floats1) -> None:
     """Compute what Eq. 5 removes from a row of a subband, of which `three` are given."""
     a, b, c = three[0], three[1], three[2]
     for column in range(len(squares)):
@@ -329,13 +318,11 @@ def _shrink(three: Floats2, middle: int, threshold: Scalar, squares: Floats1, ou
 
 
 @kernel
-def _synthesise(
-    removed: Floats3, row: int, taps: Floats2, low: Floats1, high: Floats1, out: Floats1
-) -> None:
+def _synthesise(removed: Floats3, row: int, low: Floats1, high: Floats1, out: Floats1) -> None:
     """Synthesise a row of the plane from rows row + 1 to row + 4 of the subbands; the taps are
     reversed.
     """
-    low_back, high_back = taps[:, ::-1]
+    low_back, high_back = _TAPS[:, ::-1]
     a, b, c, d = (row + 1) % 4, (row + 2) % 4, (row + 3) % 4, row % 4
     low, high = low[: removed.shape[2]], high[: removed.shape[2]]
     _combine(high_back, removed[1, a], removed[1, b], removed[1, c], removed[1, d], low)
@@ -345,13 +332,6 @@ def _synthesise(
     _add(high_back, high, high[1:], high[2:], high[3:], out)
 
 
-@kernel
-def _subtract(plane: Floats1, removed: Floats1, holes: Bools1, out: Floats1) -> None:
-    for column in range(len(holes)):
-        out[column] = plane[column] - (removed[column] if holes[column] else _ZERO)
-
-
-_NINE = np.float32(9.001)  # coefficients; more than rounding can hide
 QUAD = 4
 """Holes that are computed together; their number is rounded up to a multiple of this."""
 
@@ -372,8 +352,6 @@ class Blocks(NamedTuple):
         Rows and columns of a block.
     holes : Ints2
         (holes, 2), row and column of each hole in a block.
-    filters : Floats3
-        (3, 4, 4), taps down and across of each high-pass subband.
     response : Floats3
         (3 (rows + 3) (columns + 3), quads of holes, QUAD), what a sample of 1 in each hole adds
         to the coefficients that see any.
@@ -386,7 +364,6 @@ class Blocks(NamedTuple):
     period: int
     extent: Pair
     holes: Ints2
-    filters: Floats3
     response: Floats3
     inside: Ints1
 
@@ -403,14 +380,12 @@ def fill_blocks(chunks: Chunks, luminance: Floats2, blocks: Blocks, thresholds: 
         One per iteration, at least one, scene units.
     """
     (rows, columns), holes = blocks.extent, blocks.holes
-    response, inside = blocks.response, blocks.inside
-    inner, quads, _ = response.shape
+    inner, quads, _ = blocks.response.shape
     tall, wide = rows + 2 * REACH, columns + 2 * REACH
     for row in range(chunks[0], chunks[1]):
         window, squares = zeros(tall, wide, WIDTH), zeros(3, tall - 3, wide - 3, WIDTH)
         known, removed = zeros(inner, WIDTH), zeros(inner, WIDTH)
         values = zeros(quads * QUAD, WIDTH)
-        outermost, largest = zeros(1, WIDTH), zeros(1, WIDTH)
         flat = squares.reshape(-1, WIDTH)
         top, places = blocks.first[0] + row * blocks.period, np.empty(WIDTH, np.intp)
         for group in range(0, blocks.grid[1], WIDTH):
@@ -425,18 +400,11 @@ def fill_blocks(chunks: Chunks, luminance: Floats2, blocks: Blocks, thresholds: 
                 i, j = holes[hole, 0] + REACH, holes[hole, 1] + REACH
                 for lane in range(WIDTH):
                     values[hole, lane], window[i, j, lane] = window[i, j, lane], _ZERO
-            _decompose_blocks(window, blocks.filters, squares, known, outermost)
-            all_removed = True  # while the threshold is large
+            _decompose_blocks(window, squares, known)
             for threshold in thresholds:
-                most = _respond(values, known, response, removed, flat, inside, outermost)
-                if all_removed:  # no norm of nine coefficients reaches the threshold
-                    store(largest, (0, 0), most)
-                    for lane in range(1, WIDTH):
-                        largest[0, 0] = max(largest[0, 0], largest[0, lane])
-                    all_removed = largest[0, 0] * _NINE < threshold * threshold
-                if not all_removed:
-                    _shrink_blocks(squares, threshold, removed)
-                _remove(removed, response, values)
+                _respond(values, known, blocks, removed, flat)
+                _shrink_blocks(squares, threshold, removed)
+                _remove(removed, blocks.response, values)
             for hole in range(len(holes)):
                 i, j = top + holes[hole, 0], holes[hole, 1]
                 for lane in range(WIDTH):
@@ -444,63 +412,45 @@ def fill_blocks(chunks: Chunks, luminance: Floats2, blocks: Blocks, thresholds: 
 
 
 @kernel
-def _decompose_blocks(
-    window: Floats3, filters: Floats3, squares: Floats4, known: Floats2, outermost: Floats2
-) -> None:
+def _decompose_blocks(window: Floats3, squares: Floats4, known: Floats2) -> None:
     """Compute the high-pass coefficients without the holes: those that holes add to, all but the
-    outermost, all squares, and the largest one of the outermost.
+    outermost, and all squares.
     """
-    _, rows, columns, _ = squares.shape
-    place, most = 0, load(window, (0, 0, 0)) * _ZERO
+    (_, rows, columns, _), place = squares.shape, 0
     for subband in range(3):
         for row in range(rows):
             for column in range(columns):
                 total = load(window, (0, 0, 0)) * _ZERO
                 for i in range(4):
                     for j in range(4):
-                        total += filters[subband, i, j] * load(window, (row + i, column + j, 0))
+                        total += _FILTERS[subband, i, j] * load(window, (row + i, column + j, 0))
                 store(squares, (subband, row, column, 0), total * total)
                 if 0 < row < rows - 1 and 0 < column < columns - 1:
                     store(known, (place, 0), total)
                     place += 1
-                else:
-                    most = greater(most, total * total)
-    store(outermost, (0, 0), most)
 
 
 @kernel
 def _respond(
-    values: Floats2,
-    known: Floats2,
-    response: Floats3,
-    coefficients: Floats2,
-    squares: Floats2,
-    inside: Ints1,
-    outermost: Floats2,
-) -> Lanes:
-    """Add the holes' contribution to the known coefficients. Returns the largest of all squares.
-
-    squares, inside: (coefficients, WIDTH), and see `Blocks`.
+    values: Floats2, known: Floats2, blocks: Blocks, coefficients: Floats2, squares: Floats2
+) -> None:
+    """Add the holes' contribution to the known coefficients. squares: of all, (coefficients,
+    WIDTH).
     """
-    most = load(outermost, (0, 0))
-    for quad in range(response.shape[1]):
+    for quad in range(blocks.response.shape[1]):
         h0, h1, h2, h3 = _quad(values, quad)
-        others, most = coefficients if quad else known, load(outermost, (0, 0))
+        others = coefficients if quad else known
         for place in range(len(known)):
-            c = response[place, quad]
+            c = blocks.response[place, quad]
             total = load(others, (place, 0)) + c[0] * h0 + c[1] * h1 + c[2] * h2 + c[3] * h3
-            square = total * total
             store(coefficients, (place, 0), total)
-            store(squares, (inside[place], 0), square)
-            most = greater(most, square)
-    return most
+            store(squares, (blocks.inside[place], 0), total * total)
 
 
 @kernel
-def _shrink_blocks(squares: Floats4, threshold: Scalar, removed: Floats2) -> None:
+def _shrink_blocks(squares: Floats4, threshold: Single, removed: Floats2) -> None:
     """Replace coefficients, all but the outermost, by what Eq. 5 removes from them."""
-    _, rows, columns, _ = squares.shape
-    place = 0
+    (_, rows, columns, _), place = squares.shape, 0
     for subband in range(3):
         for row in range(1, rows - 1):
             left, middle = _energy(squares, subband, row, 0), _energy(squares, subband, row, 1)
@@ -538,8 +488,5 @@ def _remove(removed: Floats2, response: Floats3, values: Floats2) -> None:
 @kernel
 def _quad(values: Floats2, quad: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
     i = QUAD * quad
-    a = load(values, (i, 0))
-    b = load(values, (i + 1, 0))
-    c = load(values, (i + 2, 0))
-    d = load(values, (i + 3, 0))
-    return a, b, c, d
+    left, right = load(values, (i, 0)), load(values, (i + 1, 0))
+    return left, right, load(values, (i + 2, 0)), load(values, (i + 3, 0))
