@@ -95,15 +95,14 @@ def denoise_luminance(
     transforms = np.zeros((len(sizes), sizes.max(), sizes.max()), np.float32)
     for transform, size in zip(transforms, settings.sizes, strict=True):
         transform[:size, :size] = cosines(size)
-    uncertain = ~mosaic.pattern.panchromatic_mask((mosaic.pattern.period, width))
+    filled = ~mosaic.pattern.panchromatic_mask((mosaic.pattern.period, width))
     result = np.empty_like(luminance)
     step = max(_PIXELS // width // _LEAST_ROWS, 1) * _LEAST_ROWS
-    steps = [(top, min(top + step, height)) for top in range(0, height, step)]
-    progress.stage("denoising luminance", len(steps))
+    progress.stage("denoising luminance", -(-height // step))
     noise_model = np.float32(shot), np.float32(read)
     shrinkage = Shrinkage(sizes, transforms, *noise_model, np.float32(settings.threshold))
-    for rows in steps:
-        denoise(luminance, uncertain, rows, shrinkage, result)
+    for top in range(0, height, step):
+        denoise(luminance, filled, top, shrinkage, result[top : top + step])
         progress.advance()
     return result
 
@@ -174,44 +173,36 @@ class Memory(NamedTuple):
     block: Floats3
 
 
-@parallel_kernel(
-    chunks=lambda noisy, _, rows, *rest: chunk_count((rows[1] - rows[0], noisy.shape[1]), _WINDOW)
-)
+@parallel_kernel(chunks=lambda *arguments: chunk_count(arguments[-1].shape, _WINDOW))
 def denoise(
-    chunks: Chunks,
-    noisy: Floats2,
-    uncertain: Bools2,
-    rows: Pair,
-    shrinkage: Shrinkage,
-    out: Floats2,
+    chunks: Chunks, noisy: Floats2, filled: Bools2, first: int, shrinkage: Shrinkage, out: Floats2
 ) -> None:
-    """Denoise rows[0] to rows[1] of a frame.
+    """Denoise some rows of a frame.
 
     Parameters
     ----------
     noisy : Floats2
         (H, W), scene units.
-    uncertain : Bools2
+    filled : Bools2
         bool (any rows, W), repeated down the frame: samples that the second pass replaces by the
         first pass's result.
-    rows : Pair
-        First and end row to compute.
+    first : int
+        The first row to compute.
     out : Floats2
-        (H, W), the computed rows are written.
+        (rows, W), written.
     """
     (height, width), most = noisy.shape, shrinkage.transforms.shape[1]
     inner, halo = most - 1, 2 * (most - 1)
     tall = _WINDOW[0] + 2 * halo
     half = (_WINDOW[1] + 2 * halo + 3 * _STEP * WIDTH) // (_STEP * WIDTH) * WIDTH
     wide = _STEP * half
-    samples, pilot, sums, weights = (
-        zeros(tall, wide), zeros(tall, wide), zeros(tall, wide), zeros(tall, wide)
-    )  # fmt: skip
+    samples, pilot = zeros(tall, wide), zeros(tall, wide)
+    sums, weights = zeros(tall, wide), zeros(tall, wide)
     halves, block = zeros(4, most, wide), zeros(3, most * most, WIDTH)
     memory = Memory(samples, pilot, sums, weights, halves, block)
     for window in range(chunks[0], chunks[1]):
-        above, below, left, right = chunk_at(window, (rows[1] - rows[0], width), _WINDOW)
-        top = rows[0] + above - halo
+        above, below, left, right = chunk_at(window, out.shape, _WINDOW)
+        top = first + above - halo
         down = below - above + 2 * halo
         across = right - left + 2 * halo
         # Where each row and column of the window lies in the frame, and each column in memory.
@@ -223,7 +214,7 @@ def denoise(
                 samples[row, places[column]] = noisy[sources[row], columns[column]]
         _aggregate(memory, False, (0, down, 0, across), top, shrinkage)
         for row in range(inner, down - inner):
-            line = uncertain[sources[row] % len(uncertain)]
+            line = filled[sources[row] % len(filled)]
             for column in range(inner, across - inner):
                 place = places[column]
                 pilot[row, place] = sums[row, place] / weights[row, place]
@@ -233,7 +224,8 @@ def denoise(
         for row in range(halo, down - halo):
             for column in range(halo, across - halo):
                 place = places[column]
-                out[top + row, left - halo + column] = sums[row, place] / weights[row, place]
+                value = sums[row, place] / weights[row, place]
+                out[above - halo + row, left - halo + column] = value
 
 
 @kernel
@@ -252,9 +244,7 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, shrinkage: 
     first: the frame's row at row 0 of the window; the frame's column at column 0 is even.
     """
     block, half = memory.block, memory.sums.shape[1] // _STEP
-    forward = memory.halves[0]
-    expected = memory.halves[1]
-    backward = memory.halves[2]
+    forward, expected, backward = memory.halves[0], memory.halves[1], memory.halves[2]
     total = memory.halves[3, 0]
     memory.sums[:] = _ZERO
     memory.weights[:] = _ZERO
@@ -350,19 +340,16 @@ def _shrink(block: Floats3, size: int, guided: bool, shrinkage: Shrinkage) -> La
     """
     guide, squared = 2 if guided else 0, shrinkage.threshold * shrinkage.threshold
     mean = greater(load(block, (guide, 0, 0)), _ZERO)  # n times the mean of the block
-    variance = greater(
-        mean * (shrinkage.shot / np.float32(size)) + shrinkage.read * shrinkage.read,
-        _LEAST_VARIANCE,
-    )
+    variance = mean * (shrinkage.shot / np.float32(size)) + shrinkage.read * shrinkage.read
+    variance = greater(variance, _LEAST_VARIANCE)
     kept = variance * _ZERO + _ONE
     for place in range(1, size * size):
         energy = load(block, (guide, place, 0))
         energy *= energy
-        gain = (
-            quotient(energy, energy + variance)
-            if guided
-            else where_less(energy, variance * squared, _ZERO, _ONE)
-        )
+        if guided:
+            gain = quotient(energy, energy + variance)
+        else:
+            gain = where_less(energy, variance * squared, _ZERO, _ONE)
         kept += gain * gain
         store(block, (0, place, 0), load(block, (0, place, 0)) * gain)
     fewer = quotient(np.float32(size * size), kept)
