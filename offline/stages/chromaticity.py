@@ -141,6 +141,9 @@ def oriented_medians(
     return np.ascontiguousarray(before[:, :, 2:-2].transpose(1, 2, 0))
 
 
+Lines = tuple[Doubles1, Doubles1, Doubles1, Doubles1]
+
+
 @parallel_kernel()
 def oriented_median(
     chunks: Chunks, before: Doubles3, after: Doubles3, changed: Bools1, changes: Bools1
@@ -174,15 +177,10 @@ def oriented_median(
             distance[:] = 0.0
             for channel in range(channels):
                 plane = before[channel]
-                _median_of_five(
-                    plane[near[2 - 2 * down], 2 - 2 * across :],
-                    plane[near[2 - down], 2 - across :],
-                    plane[row, 2:],
-                    plane[near[2 + down], 2 + across :],
-                    plane[near[2 + 2 * down], 2 + 2 * across :],
-                    medians[channel],
-                    distance,
-                )
+                a, b = plane[near[2 - 2 * down]], plane[near[2 - down]]
+                d, e = plane[near[2 + down]], plane[near[2 + 2 * down]]
+                others = a[2 - 2 * across :], b[2 - across :], d[2 + across :], e[2 + 2 * across :]
+                _median_of_five(plane[row, 2:], others, medians[channel], distance)
             for channel in range(channels):
                 _take_nearer(medians[channel], distance, nearest, after[channel, row, 2:])
             for column in range(columns):
@@ -196,19 +194,12 @@ def oriented_median(
 
 
 @kernel
-def _median_of_five(
-    a: Doubles1,
-    b: Doubles1,
-    c: Doubles1,
-    d: Doubles1,
-    e: Doubles1,
-    out: Doubles1,
-    distance: Doubles1,
-) -> None:
+def _median_of_five(c: Doubles1, others: Lines, out: Doubles1, distance: Doubles1) -> None:
     """Write medians and add the squares of their distances from c, the middle.
 
     Neither the least nor the greatest of the first four can be the median.
     """
+    a, b, d, e = others
     for column in range(len(out)):
         low = max(min(a[column], b[column]), min(c[column], d[column]))
         high = min(max(a[column], b[column]), max(c[column], d[column]))
