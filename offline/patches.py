@@ -4,13 +4,10 @@ out to whole patches).
 A band is a whole number of rows of chunks, without their halos (see `stages.affinity`).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from ..shared.arrays import BORDER, FloatArray
+from ..shared.arrays import BORDER, FloatArray, Pair
 from ..shared.block_grid import BlockGrid
-from .numerics.arrays import Floats2, Ints1
 
 HALO = 2
 """Patches around a chunk that are solved with it. Fields are then off by at most 0.007, by 1e-4 rms
@@ -23,22 +20,6 @@ _CHUNK, _LEAST_PATCHES = (144, 288), 8
 # that: their bands have about `_ENOUGH` pixels, so that the planes of a band fit in the cache and
 # their memory is reused.
 _BAND, _ENOUGH = 192, 400_000
-
-
-class PaddedFrame(NamedTuple):
-    """Luminance of a frame, mirrored beyond its edges.
-
-    Attributes
-    ----------
-    luminance : Floats2
-        (H, W), scene units.
-    rows, columns : Ints1
-        The frame's row at each row of the padded frame, and its column at each column.
-    """
-
-    luminance: Floats2
-    rows: Ints1
-    columns: Ints1
 
 
 def chunk_patches(period: int) -> tuple[int, int]:
@@ -68,14 +49,20 @@ def patches_of(grid: BlockGrid, rows: tuple[int, int]) -> tuple[int, int]:
     return (rows[0] + above) // grid.period, -(-(rows[1] + above) // grid.period)
 
 
-def pad_frame(luminance: FloatArray, grid: BlockGrid, reach: int = 0) -> PaddedFrame:
-    """Luminance of the frame, mirrored out to whole patches.
+def padded_rows(luminance: FloatArray, grid: BlockGrid, patches: Pair, reach: int) -> FloatArray:
+    """Luminance in some rows of patches of the padded frame, float32 (rows, columns).
 
     Parameters
     ----------
-    reach : int, optional
+    luminance : FloatArray
+        (H, W), the whole frame.
+    patches : Pair
+        First and end row of patches.
+    reach : int
         Number of rows and columns added at both ends, mirrored once more.
     """
     axes = zip(grid.frame, grid.padding, strict=True)
     whole = (np.pad(np.arange(size), padding, mode=BORDER) for size, padding in axes)
-    return PaddedFrame(luminance, *(np.pad(places, reach, mode=BORDER) for places in whole))
+    rows, columns = (np.pad(places, reach, mode=BORDER) for places in whole)
+    first, end = patches[0] * grid.period, patches[1] * grid.period + 2 * reach
+    return luminance[rows[first:end]].take(columns, axis=1)

@@ -29,7 +29,7 @@ import numpy as np
 from ...shared.arrays import BoolArray, FloatArray, Pair
 from ...shared.block_grid import BlockGrid
 from ...shared.pattern import CfaPattern
-from ..numerics.arrays import Doubles1, Floats1, Floats2, Floats3, Ints1
+from ..numerics.arrays import Area, Doubles1, Floats1, Floats2, Floats3, Ints1
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.conjugate_gradients import (
     BORDER,
@@ -44,7 +44,7 @@ from ..numerics.conjugate_gradients import (
 )
 from ..numerics.functions import chunk_at, chunk_count, exponential, unset, zeros
 from ..numerics.gaussian import TRUNCATE
-from ..patches import HALO, PaddedFrame, chunk_patches, pad_frame, patches_of
+from ..patches import HALO, chunk_patches, padded_rows, patches_of
 from ..stage import Between, Count, Range, StageSettings
 
 _SCALES = Range(
@@ -104,11 +104,12 @@ def solve_affinities(
         When conjugate gradients do not reach the tolerance.
     """
     grid = pattern.grid((luminance.shape[0], luminance.shape[1]))
-    period, across = grid.period, grid.patches[1]
-    size = chunk_patches(period)
-    first, end = patches = patches_of(grid, rows or (0, len(luminance)))
-    filters = derivative_filters(settings.scales)
-    padded = pad_frame(luminance, grid, filters.smooth.shape[1] - 1)
+    period, (down, across) = grid.period, grid.patches
+    size, filters = chunk_patches(period), derivative_filters(settings.scales)
+    first, end = patches_of(grid, rows or (0, len(luminance)))
+    above = max(first - HALO, 0) // 2 * 2  # even: there the pins repeat
+    seen, patches = (above, min(end + HALO, down)), (first - above, end - above)
+    padded = padded_rows(luminance, grid, seen, filters.smooth.shape[1] - 1)
     count = chunk_count((end - first, across), size)
     residuals, used = np.empty(count), np.empty(count, np.intp)
     fields = np.empty((CLASSES, (end - first) * period, across * period), np.float32)
@@ -155,7 +156,7 @@ _LEAST_DIAGONAL = np.float32(1e-37)
 @parallel_kernel()
 def solve_fields(
     chunks: Chunks,
-    frame: PaddedFrame,
+    padded: Floats2,
     patches: Pair,
     chunk_size: Pair,
     pins: Floats3,
@@ -169,8 +170,11 @@ def solve_fields(
 
     Parameters
     ----------
+    padded : Floats2
+        Rows of patches of the padded frame, the first of which is even, with the filters' reach
+        more on every side.
     patches : Pair
-        First and end row of patches; chunks begin at the first.
+        First and end row of patches in these; chunks begin at the first.
     chunk_size : Pair
         Patches of a chunk without its halo, down and across.
     pins : Floats3
@@ -184,16 +188,16 @@ def solve_fields(
         (chunks,), written: relative residual of the worst field, and iterations.
     """
     period, reach = pins.shape[1] // 2, filters.smooth.shape[1] - 1
-    height, width = (len(frame.rows) - 2 * reach) // period, fields.shape[2] // period
+    height, width = (len(padded) - 2 * reach) // period, fields.shape[2] // period
     for chunk in range(chunks[0], chunks[1]):
         top, bottom, left, right = chunk_at(chunk, (patches[1] - patches[0], width), chunk_size)
         first, end = patches[0] + top, patches[0] + bottom
         above, before = max(first - HALO, 0), max(left - HALO, 0)
         below, after = min(end + HALO, height), min(right + HALO, width)
         size = (below - above) * period, (after - before) * period
-        luminance = _window(
-            frame, (above * period, before * period), (size[0] + 2 * reach, size[1] + 2 * reach)
-        )
+        tall, wide = size[0] + 2 * reach, size[1] + 2 * reach
+        luminance = unset(tall, wide)
+        luminance[:] = padded[above * period :, before * period :][:tall, :wide]
         given = _given(pins, (above % 2 * period, before % 2 * period), size)
         links = planes(4, size)
         _weigh(transmission(luminance, period, filters), links)
@@ -206,35 +210,19 @@ def solve_fields(
         _scale(links, scale)
         system = System(links, links[:0])
         residuals[chunk], used[chunk] = solve(system, residual, solution, limits, norm)
-        for row in range((bottom - top) * period):
-            place = top * period + row, left * period
-            inner = (first - above) * period + row, (left - before) * period
-            _finish(solution, scale, given, inner, fields, place, (right - left) * period)
+        inner = (first - above) * period, (left - before) * period
+        area = top * period, bottom * period, left * period, right * period
+        _finish(solution, scale, given, inner, area, fields)
 
 
 @kernel
 def _given(pins: Floats3, place: Pair, size: Pair) -> FloatArray:
     """Values at the blocks of a chunk, in planes; the chunk begins at this place of the table."""
     given = planes(CLASSES, size)
-    for field in range(CLASSES):
-        for row in range(size[0]):
-            source = pins[field, (place[0] + row) % pins.shape[1]][place[1] :]
-            line = given[field, BORDER + row]
-            for column in range(size[1]):
-                line[column] = source[column]
-    return given
-
-
-@kernel
-def _window(frame: PaddedFrame, place: Pair, size: Pair) -> FloatArray:
-    """Luminance of some rows and columns of the padded frame."""
-    luminance = unset(size[0], size[1])
-    columns = frame.columns[place[1] : place[1] + size[1]]
     for row in range(size[0]):
-        source, line = frame.luminance[frame.rows[place[0] + row]], luminance[row]
-        for column in range(len(line)):
-            line[column] = source[columns[column]]
-    return luminance
+        source = (place[0] + row) % pins.shape[1]
+        given[:, BORDER + row, : size[1]] = pins[:, source, place[1] : place[1] + size[1]]
+    return given
 
 
 @kernel
@@ -244,10 +232,8 @@ def _weigh(through: Floats3, links: Floats3) -> None:
     """
     (_, rows, width), one = through.shape, np.uintp(1)
     h, v, below = through[0].reshape(-1), through[1].reshape(-1), np.uintp(width)
-    right = links[0].reshape(-1)
-    down = links[1].reshape(-1)
-    down_right = links[2].reshape(-1)
-    down_left = links[3].reshape(-1)
+    right, down = links[0].reshape(-1), links[1].reshape(-1)
+    down_right, down_left = links[2].reshape(-1), links[3].reshape(-1)
     for row in range(BORDER, rows - BORDER):
         for column in range(width):
             here = np.uintp(row * width) + np.uintp(column)
@@ -275,9 +261,8 @@ def transmission(luminance: Floats2, period: int, filters: Filters) -> FloatArra
         energy[:] = _ZERO
         around = luminance[top : top + period + 2 * reach].reshape(-1)
         for scale in range(len(filters.smooth)):
-            _add_energy(
-                around, width, filters.smooth[scale], filters.slope[scale], energy.reshape(2, -1)
-            )
+            smooth, slope = filters.smooth[scale], filters.slope[scale]
+            _add_energy(around, width, smooth, slope, energy.reshape(2, -1))
         for axis in range(2):
             relative = _over_mean(energy[axis], columns)
             for row in range(period):
@@ -297,25 +282,19 @@ def _add_energy(
     Slopes are sums of differences of symmetric pairs, so that flat input gives exactly 0.
     """
     reach, count = len(smooth) - 1, energy.shape[1]
-    smoothed = zeros(count + 2 * reach)
-    sloped = zeros(count + 2 * reach)
-    across = zeros(count)
-    down = zeros(count)
+    smoothed, sloped = zeros(count + 2 * reach), zeros(count + 2 * reach)
+    across, down = zeros(count), zeros(count)
     for step in range(reach + 1):
-        above = luminance[(reach - step) * width :]
-        below = luminance[(reach + step) * width :]
-        weight = smooth[step]
-        rise = slope[step]
+        above, below = luminance[(reach - step) * width :], luminance[(reach + step) * width :]
+        weight, rise = smooth[step], slope[step]
         if weight == _ZERO:  # beyond the end of a smaller scale
             break
         for index in range(count):
             smoothed[index] += weight * (above[index] + below[index])
             sloped[index] += rise * (below[index] - above[index])
     for step in range(reach + 1):
-        left = smoothed[reach - step :]
-        right = smoothed[reach + step :]
-        weight = smooth[step]
-        rise = slope[step]
+        left, right = smoothed[reach - step :], smoothed[reach + step :]
+        weight, rise = smooth[step], slope[step]
         if weight == _ZERO:  # beyond the end of a smaller scale
             break
         before, after = sloped[reach - step :], sloped[reach + step :]
@@ -339,12 +318,9 @@ def _over_mean(energy: Floats2, columns: int) -> FloatArray:
         for column in range(columns):
             sums[column] += source[column]
     for left in range(0, columns, period):
-        total = _ZERO
-        for column in range(left, left + period):
-            total += sums[column]
-        over = np.float32(-period * period) / total if total > _NO_ENERGY else _ZERO
-        for column in range(left, left + period):
-            sums[column] = over
+        patch = sums[left : left + period]
+        total = patch.sum()
+        patch[:] = np.float32(-period * period) / total if total > _NO_ENERGY else _ZERO
     return sums
 
 
@@ -393,10 +369,8 @@ def _right_side(links: Floats3, values: Floats2, scale: Floats2, out: Floats2) -
 def _scale(links: Floats3, scale: Floats2) -> None:
     """Scale the links."""
     (rows, width), one, below = scale.shape, np.uintp(1), np.uintp(scale.shape[1])
-    right = links[0].reshape(-1)
-    down = links[1].reshape(-1)
-    down_right = links[2].reshape(-1)
-    down_left = links[3].reshape(-1)
+    right, down = links[0].reshape(-1), links[1].reshape(-1)
+    down_right, down_left = links[2].reshape(-1), links[3].reshape(-1)
     roots = scale.reshape(-1)
     for row in range(BORDER, rows - BORDER):
         for column in range(width):
@@ -411,36 +385,29 @@ def _scale(links: Floats3, scale: Floats2) -> None:
 
 @kernel
 def _finish(
-    solution: Floats3,
-    scale: Floats2,
-    given: Floats3,
-    inner: Pair,
-    fields: Floats3,
-    place: Pair,
-    columns: int,
+    solution: Floats3, scale: Floats2, given: Floats3, inner: Pair, area: Area, fields: Floats3
 ) -> None:
-    """Write the four fields of a row: not below zero, and scaled to a sum of one, despite rounding
-    and tolerance.
+    """Write the four fields of an area: not below zero, and scaled to a sum of one, despite
+    rounding and tolerance.
 
-    inner, place: row and first column in the chunk, and in `fields`.
+    inner: its first row and column in the chunk. area: in `fields`.
     """
-    (row, left), solved = inner, len(solution)
-    sums = zeros(columns)
-    pinned = given[solved, BORDER + row][left:]
-    roots = scale[BORDER + row][left:]
-    for field in range(solved):
-        source = solution[field, BORDER + row][left:]
-        pin = given[field, BORDER + row][left:]
-        out = fields[field, place[0]][place[1] :]
-        for column in range(columns):
-            start = pin[column] + _QUARTER * (_ONE - pinned[column])
-            out[column] = max(start + roots[column] * source[column], _ZERO)
-            sums[column] += out[column]
-    last = fields[solved, place[0]][place[1] :]
-    for column in range(columns):
-        last[column] = max(_ONE - sums[column], _ZERO)
-        sums[column] = _ONE / (sums[column] + last[column])
-    for field in range(CLASSES):
-        out = fields[field, place[0]][place[1] :]
-        for column in range(columns):
-            out[column] *= sums[column]
+    top, bottom, left, right = area
+    for row in range(top, bottom):
+        at, sums = BORDER + inner[0] + row - top, zeros(right - left)
+        pinned, roots = given[_SOLVED, at][inner[1] :], scale[at][inner[1] :]
+        for field in range(_SOLVED):
+            source, pin = solution[field, at][inner[1] :], given[field, at][inner[1] :]
+            out = fields[field, row][left:]
+            for column in range(len(sums)):
+                start = pin[column] + _QUARTER * (_ONE - pinned[column])
+                out[column] = max(start + roots[column] * source[column], _ZERO)
+                sums[column] += out[column]
+        last = fields[_SOLVED, row][left:]
+        for column in range(len(sums)):
+            last[column] = max(_ONE - sums[column], _ZERO)
+            sums[column] = _ONE / (sums[column] + last[column])
+        for field in range(CLASSES):
+            out = fields[field, row][left:]
+            for column in range(len(sums)):
+                out[column] *= sums[column]

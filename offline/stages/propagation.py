@@ -20,7 +20,7 @@ from ..frame import Frame
 from ..numerics.arrays import Floats1, Floats2, Floats3, Frozen2, Single
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.functions import unset
-from ..patches import PaddedFrame, chunk_patches, pad_frame, patches_of
+from ..patches import chunk_patches, padded_rows, patches_of
 from ..stage import NotNegative, StageSettings
 from .affinity import CLASSES, AffinitySettings, solve_affinities
 
@@ -93,12 +93,12 @@ class Propagation(RowStage):
         grid, settings = self.frame.grid, self.settings
         spread = self.frame.lines if self.frame.lines.size else self.frame.blocks
         (above, _), (left, _) = grid.padding
-        fields, first = affinity.reshape(4, *affinity.shape[2:]), patches_of(grid, rows)[0]
+        fields, patches = affinity.reshape(4, *affinity.shape[2:]), patches_of(grid, rows)
         out = np.empty((rows[1] - rows[0], grid.frame[1], spread.shape[-1]), np.float32)
-        padded = pad_frame(self.frame.luminance, grid)
-        corner = rows[0] + above - first * grid.period, left
+        luminance = np.maximum(padded_rows(self.frame.luminance, grid, patches, 0), 0)
+        corner = rows[0] + above - patches[0] * grid.period, left
         weighting = Weighting(np.float32(settings.softness), np.float32(settings.likeness))
-        mix(fields, spread, padded, Place(first, *corner), weighting, out)
+        mix(fields, spread, luminance, Place(grid.period, patches[0], *corner), weighting, out)
         return out
 
 
@@ -136,10 +136,11 @@ def follow_lines(
 
 
 class Place(NamedTuple):
-    """The first row of patches in the fields, and the row of the fields and column of the padded
-    frame that belong to out[0, 0].
+    """Pixels of a patch, the first row of patches in the fields, and the row and column of the
+    fields that belong to out[0, 0].
     """
 
+    period: int
     patch: int
     row: int
     column: int
@@ -152,16 +153,14 @@ class Weighting(NamedTuple):
     likeness: Single
 
 
-@parallel_kernel(
-    chunks=lambda fields, blocks, *_: fields.shape[1] * (blocks.shape[1] - 1) // fields.shape[2]
-)
+@parallel_kernel(chunks=lambda fields, blocks, _, place, *rest: fields.shape[1] // place.period)
 def mix(
     chunks: Chunks,
     fields: Floats3,
     blocks: Floats3,
-    frame: PaddedFrame,
+    luminance: Floats2,
     place: Place,
-    weighting: Weighting,
+    settings: Weighting,
     out: Floats3,
 ) -> None:
     """Compute the chromaticities of some rows of the frame (Eqs. 10 and 14).
@@ -172,30 +171,24 @@ def mix(
         (4, pixel rows, padded columns), the fields of whole rows of patches.
     blocks : Floats3
         (block rows, block columns, C), all blocks of the grid.
+    luminance : Floats2
+        Of the same rows as the fields, 0 or more.
     out : Floats3
         (rows, W, C), written.
     """
-    (_, _, width), (_, count, channels) = fields.shape, blocks.shape
-    period = width // (count - 1)
-    kappa = unset(CLASSES, width)
-    total = unset(width)
-    here = unset(width)
-    mixed = unset(channels, width)
+    (_, _, width), period, channels = fields.shape, place.period, blocks.shape[2]
+    kappa, total, mixed = unset(CLASSES, width), unset(width), unset(channels, width)
     for patch in range(chunks[0], chunks[1]):
         # A class is at the same corner in every second patch only, so its luminance and
         # chromaticity are stored for every column.
-        lit, colour, mean = _expand(blocks, frame, place.patch + patch, period)
-        for row in range(
-            max(patch * period - place.row, 0), min((patch + 1) * period - place.row, len(out))
-        ):
-            source = frame.luminance[frame.rows[place.patch * period + row + place.row]]
-            for column in range(width if weighting.likeness > _ZERO else 0):
-                here[column] = max(source[frame.columns[column]], _ZERO)
+        lines = luminance[patch * period : (patch + 1) * period]
+        lit, colour, mean = _expand(blocks, lines, place.patch + patch)
+        top = patch * period - place.row
+        for row in range(max(top, 0), min(top + period, len(out))):
+            here = luminance[row + place.row]
             total[:] = _ZERO
             for kind in range(CLASSES):
-                _weigh(
-                    fields[kind, row + place.row], lit[kind], here, weighting, kappa[kind], total
-                )
+                _weigh(fields[kind, row + place.row], lit[kind], here, settings, kappa[kind], total)
             for column in range(width):
                 total[column] = _ONE / total[column] if total[column] > _SMALLEST_FLOAT else _ZERO
             for channel in range(channels):
@@ -207,35 +200,25 @@ def mix(
 
 
 @kernel
-def _expand(
-    blocks: Floats3, frame: PaddedFrame, patch: int, period: int
-) -> tuple[Floats2, Floats3, Floats2]:
+def _expand(blocks: Floats3, luminance: Floats2, patch: int) -> tuple[Floats2, Floats3, Floats2]:
     """Repeat luminance and chromaticity of each class's corner over its patch, and the mean
-    chromaticity of the four corners.
+    chromaticity of the four corners, for a row of patches, whose luminance is given.
     """
-    count, channels = blocks.shape[1] - 1, blocks.shape[2]
-    lit = unset(CLASSES, count * period)
+    period, count, channels = len(luminance), blocks.shape[1] - 1, blocks.shape[2]
+    lit, mean = unset(CLASSES, count * period), unset(channels, count * period)
     colour = unset(channels, CLASSES, count * period)
-    mean = unset(channels, count * period)
     for kind in range(CLASSES):
         down = (kind // 2 - patch) % 2  # the corner of a patch that the class is at
-        source = frame.luminance[frame.rows[patch * period + down * (period - 1)]]
         for across in range(count):
             over = (kind % 2 - across) % 2
-            # l[n_j]
-            sample = max(source[frame.columns[across * period + over * (period - 1)]], _ZERO)
-            for column in range(across * period, (across + 1) * period):
-                lit[kind, column] = sample
+            pixels = slice(across * period, (across + 1) * period)
+            corner = down * (period - 1), across * period + over * (period - 1)
+            lit[kind, pixels] = luminance[corner]  # l[n_j]
             for channel in range(channels):
-                value = blocks[patch + down, across + over, channel]
-                for column in range(across * period, (across + 1) * period):
-                    colour[channel, kind, column] = value
+                colour[channel, kind, pixels] = blocks[patch + down, across + over, channel]
     for channel in range(channels):
-        a = colour[channel, 0]
-        b = colour[channel, 1]
-        c = colour[channel, 2]
-        d = colour[channel, 3]
-        line = mean[channel]
+        a, b = colour[channel, 0], colour[channel, 1]
+        c, d, line = colour[channel, 2], colour[channel, 3], mean[channel]
         for column in range(len(line)):
             line[column] = _QUARTER * (a[column] + b[column] + c[column] + d[column])
     return lit, colour, mean
@@ -243,20 +226,14 @@ def _expand(
 
 @kernel
 def _weigh(
-    alpha: Floats1,
-    lit: Floats1,
-    here: Floats1,
-    weighting: Weighting,
-    kappa: Floats1,
-    total: Floats1,
+    alpha: Floats1, lit: Floats1, here: Floats1, settings: Weighting, kappa: Floats1, total: Floats1
 ) -> None:
     """Write the weights of Eq. 14, not yet scaled to a sum of one, and add them to their total."""
-    softness, likeness = weighting.softness, weighting.likeness
+    softness, likeness = settings
     if likeness > _ZERO:
         for column in range(len(alpha)):
             weight = softness + abs(alpha[column])
-            apart = here[column] - lit[column]
-            both = here[column] + lit[column]
+            apart, both = here[column] - lit[column], here[column] + lit[column]
             alike = both * both / (both * both + likeness * (apart * apart) + _SMALLEST_FLOAT)
             kappa[column] = weight * weight * lit[column] * alike
             total[column] += kappa[column]
@@ -275,12 +252,8 @@ def _mix(kappa: Floats2, colour: Floats2, mean: Floats1, share: Floats1, mixed: 
     a, b, c, d = kappa[0], kappa[1], kappa[2], kappa[3]
     first, second, third, fourth = colour[0], colour[1], colour[2], colour[3]
     for column in range(len(mixed)):
-        value = (
-            a[column] * first[column]
-            + b[column] * second[column]
-            + c[column] * third[column]
-            + d[column] * fourth[column]
-        )
+        value = a[column] * first[column] + b[column] * second[column]
+        value = value + c[column] * third[column] + d[column] * fourth[column]
         mixed[column] = value * share[column] if share[column] > _ZERO else mean[column]
 
 
@@ -291,7 +264,6 @@ def apply_luminance(
     """Multiply chromaticity (H, W, C) by luminance (H, W) to `out` (H, W, C), Eq. 17."""
     for row in range(chunks[0], chunks[1]):
         for column in range(out.shape[1]):
+            lit = luminance[row, column]
             for channel in range(out.shape[2]):
-                out[row, column, channel] = (
-                    chromaticity[row, column, channel] * luminance[row, column]
-                )
+                out[row, column, channel] = chromaticity[row, column, channel] * lit
