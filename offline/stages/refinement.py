@@ -90,9 +90,9 @@ class Refinement(RowStage):
         across = mirrored(np.arange(-margin, columns + margin), columns)
         # Beyond the rows of the band, weights alone are needed.
         at = (down - band.first).clip(0, len(band.chromaticity) - 1)
-        initial = np.ascontiguousarray(band.chromaticity)
+        start = np.ascontiguousarray(band.chromaticity)
         window = Window(radius, blur, -0.5 / width**2, settings.repetitions)
-        average(initial, luminance, Places(down, at, across), window, result)
+        average(start, luminance, Places(down, at, across), window, result)
         return Band(rows[0], band.rows(*rows).luminance, result)
 
 
@@ -111,14 +111,14 @@ class Places(NamedTuple):
     ----------
     rows : Ints1
         In the frame.
-    initial_rows : Ints1
+    start_rows : Ints1
         In the chromaticities that are given.
     columns : Ints1
         In both.
     """
 
     rows: Ints1
-    initial_rows: Ints1
+    start_rows: Ints1
     columns: Ints1
 
 
@@ -145,18 +145,13 @@ class Window(NamedTuple):
 
 @parallel_kernel(chunks=lambda *arguments: chunk_count(arguments[-1].shape[:2], (_ROWS, _COLUMNS)))
 def average(
-    chunks: Chunks,
-    initial: Floats3,
-    luminance: Floats2,
-    places: Places,
-    window: Window,
-    out: Floats3,
+    chunks: Chunks, start: Floats3, luminance: Floats2, places: Places, window: Window, out: Floats3
 ) -> None:
     """Average the chromaticities of Eq. 10 over some rows of the frame.
 
     Parameters
     ----------
-    initial : Floats3
+    start : Floats3
         (rows, W, C), chromaticities.
     luminance : Floats2
         (H, W), scene units.
@@ -178,7 +173,7 @@ def average(
         below, after = bottom - top + margin, right - left + margin
         for row in range(below + margin):
             source = luminance[places.rows[top + row]]
-            tints = initial[places.initial_rows[top + row]]
+            tints = start[places.start_rows[top + row]]
             across = places.columns[left : left + after + margin]
             _gather(source, tints, across, own[row, lead:], colour[:, row, lead:])
         columns = begin, lead + after + margin - radius - reach
@@ -189,7 +184,7 @@ def average(
             if following:
                 _lit(mean, rows, columns, colour)
         for row in range(margin, below):
-            before = initial[places.initial_rows[top + row], left:]
+            before = start[places.start_rows[top + row], left:]
             refined = out[top + row - margin, left : left + after - margin]
             _finish(mean[:, row, lead + margin :], before, refined)
 
