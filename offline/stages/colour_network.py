@@ -34,6 +34,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from ...shared.arrays import FloatArray, IndexArray, mirrored
 from ...shared.networks import Block, load_network, network_for
@@ -248,9 +249,10 @@ class Contrast(NamedTuple):
         """
         dim = np.maximum(_DIM * self.own, np.float32(_LEAST_DIM))
         chromaticity = self.pixels[1:] / np.maximum(self.pixels[0], dim)
-        low = _extreme(np.minimum, chromaticity.min(axis=1))
-        high = _extreme(np.maximum, chromaticity.max(axis=1))
-        bound, dim = (np.ascontiguousarray(_inner(plane)) for plane in (self.bound, dim))
+        low = minimum_filter(chromaticity.min(axis=1), (1, 3, 3))
+        high = maximum_filter(chromaticity.max(axis=1), (1, 3, 3))
+        every = self.bound, dim, low, high
+        bound, dim, low, high = (np.ascontiguousarray(_inner(planes)) for planes in every)
         change = answer[: 2 * self.pixels.shape[1]].reshape(2, -1, *bound.shape)
         return Answer(change, bound, dim, low, high)
 
@@ -285,15 +287,6 @@ def _mean_around(planes: FloatArray) -> FloatArray:
     """Return the mean of 3 x 3 superpixels, one less on each side."""
     rows = planes[..., :-2, :] + planes[..., 1:-1, :] + planes[..., 2:, :]
     return (rows[..., :-2] + rows[..., 1:-1] + rows[..., 2:]) / np.float32(9)
-
-
-def _extreme(of: np.ufunc, planes: FloatArray) -> FloatArray:
-    """Return the least or greatest of 3 x 3 superpixels, one less on each side. of: np.minimum or
-    np.maximum.
-    """
-    rows = of(of(planes[..., :-2, :], planes[..., 1:-1, :]), planes[..., 2:, :])
-    extreme: FloatArray = of(of(rows[..., :-2], rows[..., 1:-1]), rows[..., 2:])
-    return extreme
 
 
 class Superpixels:
@@ -365,12 +358,6 @@ class Superpixels:
         cut_superpixels(band.luminance, band.chromaticity, of_channels, down, across, picture)
         return picture
 
-    def turned(self, planes: FloatArray) -> FloatArray:
-        """Return planes (..., rows, columns) in the orientation that the network knows, or back
-        from it; a view.
-        """
-        return planes[..., :: self.steps[0], :: self.steps[1]]
-
     def pixels(self, axis: int, span: Span) -> IndexArray:
         """Rows, or columns, of the frame at pixels of superpixels, as the network knows them."""
         pixels = self.origin[axis] + np.arange(span[0] * self.period, span[1] * self.period)
@@ -409,11 +396,8 @@ def cut_superpixels(
                 column = columns[across * period + first]
                 level, colour = luminance[row, column], chromaticity[row, column]
                 for plane in range(3):
-                    total = (
-                        weights[plane, 0] * colour[0]
-                        + weights[plane, 1] * colour[1]
-                        + weights[plane, 2] * colour[2]
-                    )
+                    weight = weights[plane]
+                    total = weight[0] * colour[0] + weight[1] * colour[1] + weight[2] * colour[2]
                     out[plane, pixel, down, across] = total * level
 
 
@@ -508,6 +492,6 @@ class Residuals:
         (height, width, _), (top, left) = self._values.shape, self._first
         down = (np.arange(*rows) - top).clip(0, height - 1)
         across = (np.arange(*columns) - left).clip(0, width - 1)
-        values = self._values[np.ix_(down, across)].transpose(2, 0, 1)
-        planes = np.ascontiguousarray(self._grid.turned(values))
+        seen = np.ix_(down[:: self._grid.steps[0]], across[:: self._grid.steps[1]])
+        planes = np.ascontiguousarray(self._values[seen].transpose(2, 0, 1))
         return planes[:-2], planes[-2], planes[-1]
