@@ -6,7 +6,6 @@ mended, then highlights restored. Then luminance and the colour of blocks are es
 the stages in rows make the picture.
 """
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -14,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ..shared.arrays import BORDER, BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray, Pair
+from ..shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray, mirrored
 from ..shared.block_grid import BlockGrid
 from ..shared.calibration import NoiseModel
 from ..shared.errors import InputError
@@ -156,12 +155,6 @@ class Sites:
             means.insert(derived, np.mean(means, axis=0, dtype=values.dtype))
         return np.stack(means, axis=2)
 
-    def whole(self, blocks: FloatArray) -> FloatArray:
-        """The whole blocks, (*B, C), of all blocks of the grid, (block rows, block columns, C); a
-        view.
-        """
-        return blocks[self.grid.whole]
-
     def surroundings(self, signal: FloatArray, rows: slice | None = None) -> "Surroundings":
         """Interpolate luminance at the sites from the panchromatic samples of a plane, (H, W), in
         and next to each block.
@@ -180,8 +173,7 @@ class Sites:
         lowest, highest = np.empty((2, end - first, self.shape[1]))
 
         def work(rows: slice) -> None:
-            these = slice(first + rows.start, first + rows.stop)
-            values = np.stack(list(self.beside(signal, these, self.ring.tolist())))
+            values = self._in_ring(signal, slice(first + rows.start, first + rows.stop))
             inside = ~np.isnan(values)
             lowest[rows], highest[rows] = np.fmin.reduce(values), np.fmax.reduce(values)
             weight = np.einsum("sr,rij->ijs", near, inside)
@@ -191,24 +183,18 @@ class Sites:
         in_strips(work, end - first, BLOCK_ROWS)
         return Surroundings(filled, lowest, highest)
 
-    def beside(self, plane: FloatArray, rows: slice, steps: Iterable[Pair]) -> Iterator[FloatArray]:
-        """For each step, yield the values of a plane, (H, W), so far (down, right) of the first
-        pixels of these rows of blocks.
-
-        Parameters
-        ----------
-        steps : Iterable[tuple[int, int]]
-            From -1 to the size of a block. The values outside the frame are NaN; views, (rows,
-            columns of blocks).
+    def _in_ring(self, plane: FloatArray, rows: slice) -> FloatArray:
+        """The values of a plane, (H, W), in the rings of these rows of blocks, (R, rows, columns);
+        NaN outside the frame.
         """
         top, left = int(self.grid.whole_rows[rows][0]), int(self.grid.whole_columns[0])
         (down, across), period = self._extent(rows), self.grid.period
         first = max(top - 1, 0)
         cut, sides = plane[first : top + down + period], ((top == 0, period), (left == 0, period))
         near = np.pad(cut, sides, constant_values=np.nan)
-        for row, column in steps:
-            y, x = row + top - first + (top == 0), column + left + (left == 0)
-            yield near[y : y + down : period, x : x + across : period]
+        corner = top - first + (top == 0), left + (left == 0)
+        places = (self.ring + corner).tolist()
+        return np.stack([near[y : y + down : period, x : x + across : period] for y, x in places])
 
 
 def mean_of_sites(*factors: NDArray[Any]) -> NDArray[Any]:
@@ -297,16 +283,14 @@ def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid)
     """
     is_whole = grid.block_shape == (grid.period, grid.period)
     block = (min(grid.period, _WIDEST),) * 2 if is_whole else grid.block_shape
-    places = [np.arange(along.start, along.stop, along.step) for along in site]
     bends = []
     for axis, step in enumerate(block):
-        mirrored = np.pad(np.arange(luminance.shape[axis]), step, mode=BORDER)
-        pair = []
-        for end in (0, 2 * step):
-            moved = places.copy()
-            moved[axis] = mirrored[places[axis] + end]
-            pair.append(luminance[np.ix_(*moved)])
-        bends.append(np.abs(sum(pair) / 2 - luminance[site]))
+        sides = []
+        for distance in (-step, step):
+            places = [np.arange(along.start, along.stop, along.step) for along in site]
+            places[axis] = mirrored(places[axis] + distance, luminance.shape[axis])
+            sides.append(luminance[np.ix_(*places)])
+        bends.append(np.abs(sum(sides) / 2 - luminance[site]))
     return np.maximum(*bends)
 
 

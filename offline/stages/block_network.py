@@ -49,7 +49,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from ...shared.arrays import FloatArray, IndexArray
 from ...shared.networks import NETWORKS, load_network
 from ...shared.pattern import CfaPattern
-from ...shared.progress import SILENT, Progress
+from ...shared.progress import Progress
 from ..frame import Frame, mean_of_sites
 from ..numerics.chunks import in_chunks, in_strips
 from ..numerics.gaussian import gaussian, smoothed
@@ -202,10 +202,7 @@ def _answer(
 
 
 def alike_blocks(
-    frame: Frame,
-    medians: ChromaticitySettings,
-    pooling: PoolingSettings,
-    progress: Progress = SILENT,
+    frame: Frame, medians: ChromaticitySettings, pooling: PoolingSettings, progress: Progress
 ) -> tuple[FloatArray, FloatArray]:
     """Chromaticities of the whole blocks, c and c', float32 (rows, columns, 3) each."""
     single = estimate_chromaticities(frame, medians, progress)

@@ -112,10 +112,11 @@ def _block_residuals(frame: Frame, rows: slice) -> tuple[FloatArray, FloatArray]
     lines where these are known: c l + s (l - l_j), w = c + s.
     """
     sites, gamma = frame.sites, frame.gamma32
-    filled, weight = sites.in_rows(frame.luminance, rows), sites.whole(frame.blocks)[rows]
+    filled, weight = sites.in_rows(frame.luminance, rows), frame.blocks[frame.grid.whole][rows]
     error = sites.in_rows(frame.signal, rows) * gamma[sites.channels]
     if frame.lines.size:
-        weight, level, _ = np.split(sites.whole(frame.lines)[rows], [len(gamma), 2 * len(gamma)], 2)
+        lines, channels = frame.lines[frame.grid.whole][rows], len(gamma)
+        weight, level, _ = np.split(lines, [channels, 2 * channels], axis=2)
         error = error + np.take(level * gamma, sites.channels, axis=2)
     weight = np.take(weight * gamma, sites.channels, axis=2)
     error = error - weight * filled
@@ -290,7 +291,7 @@ class Correction(RowStage):
         error, weight = sites.residual(band, blocks), np.stack(colours, axis=2)
         along = None  # what a unit of luminance adds to each channel, on the lines of blocks
         if frame.lines.size:
-            along = sites.whole(frame.lines)[blocks, :, : len(gamma)]
+            along = frame.lines[frame.grid.whole][blocks, :, : len(gamma)]
             weight = np.take(along * gamma, sites.channels, axis=2)
         change, tints = estimate_errors(error, weight, frame, blocks)
         if frame.kept is not None:

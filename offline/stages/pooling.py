@@ -150,10 +150,10 @@ def pooled_in_passes(
     """
     noise = frame.noise
     if not settings.used or noise is None or not noise.of_colours:
-        return [frame.sites.whole(blocks)] * max(len(settings.passes), 1)
+        return [blocks[frame.grid.whole]] * max(len(settings.passes), 1)
     progress.stage("pooling colour of blocks", len(settings.passes))
     sites, gamma, grey = frame.sites, frame.gamma, frame.mosaic.calibration.grey
-    chromaticity = np.moveaxis(sites.whole(blocks), 2, 0)
+    chromaticity = np.moveaxis(blocks[frame.grid.whole], 2, 0)
     sums, filled = precise_sums(frame, chromaticity, error)
     if (others := frame.others) is not None:
         shown = np.float32(grey) * filled[..., None]

@@ -58,7 +58,7 @@ def error(blocks: FloatArray, frame: Frame, rgb: FloatArray) -> float:
     """Root of the mean square of what chromaticities miss of the colour of blocks."""
     true = colours(frame, rgb)
     light = true @ frame.gamma
-    return float(np.sqrt(np.mean((frame.sites.whole(blocks) * light[..., None] - true) ** 2)))
+    return float(np.sqrt(np.mean((blocks[frame.grid.whole] * light[..., None] - true) ** 2)))
 
 
 def learned(frame: Frame) -> tuple[FloatArray, FloatArray]:
@@ -93,7 +93,9 @@ def test_exposure_changes_no_plane() -> None:
     calibration = replace(frame.mosaic.calibration, noise=noise)
     brighter = replace(frame.mosaic, samples=4 * frame.signal, calibration=calibration)
     (expected, dim), (planes, light) = (
-        block_network.block_planes(shot, alike_blocks(shot, BEST.chromaticity, BEST.pooling))
+        block_network.block_planes(
+            shot, alike_blocks(shot, BEST.chromaticity, BEST.pooling, SILENT)
+        )
         for shot in (frame, sampled(brighter, 4 * frame.luminance))
     )
     assert planes.shape == (PLANES, *frame.sites.shape)
@@ -138,7 +140,7 @@ def test_lines_end_where_no_site_around_is_as_dark_or_bright() -> None:
     at_sites = frame.sites.of(frame.luminance)
     for row, column in ((0, 0), (7, 12), (frame.sites.shape[0] - 1, 5)):
         around = at_sites[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
-        ends = frame.sites.whole(lines)[row, column, 6:]
+        ends = lines[frame.grid.whole][row, column, 6:]
         assert np.array_equal(ends, [around.min(), around.max()])
 
 

@@ -34,6 +34,7 @@ from ...offline.stages.luminance import recover_luminance
 from ...offline.stages.propagation import BEYOND, DIMMEST
 from ...shared import CfaPattern, DoubleArray, FloatArray, IndexArray, NoiseModel, SensorCalibration
 from ...shared.errors import InputError, PanchromaError
+from ...shared.progress import SILENT
 from ..batch.console import Console
 from ..batch.jobs import output_folder
 from ..batch.progress import StageProgress
@@ -259,7 +260,7 @@ def example(source: str, seed: tuple[int, ...]) -> tuple[FloatArray, FloatArray]
         sums = block_sums(replace(shot, luminance=luminance))
         others = sums if others is None else others + sums
     frame = replace(frame, luminance=luminance, others=others)
-    alike = block_network.alike_blocks(frame, BEST.chromaticity, BEST.pooling)
+    alike = block_network.alike_blocks(frame, BEST.chromaticity, BEST.pooling, SILENT)
     planes, filled = block_network.block_planes(frame, alike)
     sites = Sites.in_frame(mosaic)
     colour = np.moveaxis(scene * (gamma / frame.level), 2, 0)
