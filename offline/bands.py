@@ -13,7 +13,6 @@ import numpy as np
 from ..shared.arrays import FloatArray, Pair
 from ..shared.errors import InputError
 from ..shared.progress import SILENT, Progress
-from .numerics.chunks import copy_into
 
 DARK = 1e-6
 """Luminance, scene units, below which a pixel has no chromaticity that could be corrected, and a
@@ -62,15 +61,9 @@ class Band:
         """The rows of bands of which each follows the one before; a single one as it is."""
         if len(bands) == 1:
             return bands[0]
-        first, end = bands[0].first, bands[-1].end
-        planes = {
-            name: np.empty((end - first, *plane.shape[1:]), plane.dtype)
-            for name, plane in bands[0]._planes()
-        }
-        for band in bands:
-            for name, plane in band._planes():
-                copy_into(planes[name][band.first - first : band.end - first], plane)
-        return cls(first, **planes)
+        planes = [dict(band._planes()) for band in bands]
+        joined = {name: np.concatenate([each[name] for each in planes]) for name in planes[0]}
+        return cls(bands[0].first, **joined)
 
     def rows(self, first: int, end: int) -> "Band":
         """Rows `first` to `end` of the frame alone; views."""

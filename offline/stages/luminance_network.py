@@ -17,7 +17,7 @@ from ...shared.mosaic import Mosaic
 from ...shared.networks import NETWORKS, load_network
 from ...shared.pattern import CfaPattern
 from ..frame import Sites
-from ..numerics.chunks import in_chunks, in_strips
+from ..numerics.chunks import in_chunks
 
 PATHS = {4: NETWORKS / "luminance.onnx", 3: NETWORKS / "luminance-three.onnx"}
 """Sites of a block of 2 x 2 pixels -> the network for it; of three, the pixel that is panchromatic
@@ -53,8 +53,7 @@ def correct_fill(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
     network, sites, steps = load_network(PATHS[count]), Sites.in_frame(mosaic), mirrors(pattern)
     turned = steps[0] < 0, steps[1] < 0
     order = [2 * (row ^ turned[0]) + (column ^ turned[1]) for row, column, _ in pattern.sites]
-    grid = sites.grid
-    first_rows, columns = grid.whole_rows, grid.whole_columns
+    first_rows, columns = sites.grid.whole_rows, sites.grid.whole_columns
     off = np.zeros((len(first_rows), len(columns), count), np.float32)
 
     def work(chunk: int) -> None:
@@ -68,13 +67,9 @@ def correct_fill(luminance: FloatArray, mosaic: Mosaic) -> FloatArray:
         (found,) = network.run(None, {"seen": inputs})
         off[chunk * _CHUNK :][: len(rows)].reshape(-1, count)[asked] = (found * units)[:, order]
 
-    in_chunks(lambda first, _: work(first), -(-len(first_rows) // _CHUNK) if len(columns) else 0)
-
-    def add(rows: slice) -> None:
-        for site, place in enumerate(sites.at(rows)):
-            luminance[place] += off[rows, :, site]
-
-    in_strips(add, len(off), _CHUNK)
+    in_chunks(lambda first, _: work(first), -(-len(first_rows) // _CHUNK))
+    for site, place in enumerate(sites.places):
+        luminance[place] += off[..., site]
     return luminance
 
 
