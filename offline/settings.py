@@ -1,7 +1,6 @@
 """The settings of a render, and the presets. Those of a stage are in its file."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 from .stage import Switch, check_settings
 from .stages.affinity import AffinitySettings
@@ -68,15 +67,6 @@ class RenderSettings:
         """
         return any(stage.used for stage in vars(self).values() if isinstance(stage, Switch))
 
-    def switched(self, used: bool) -> "RenderSettings":
-        """These settings with every `Switch` on or off."""
-        switches: dict[str, Any] = {
-            name: replace(stage, used=used)
-            for name, stage in vars(self).items()
-            if isinstance(stage, Switch)
-        }
-        return replace(self, **switches)
-
 
 PAPER = RenderSettings()
 BEST = RenderSettings(
@@ -91,12 +81,15 @@ BEST = RenderSettings(
     pooling=PoolingSettings(
         passes=(PoolingPass(0.7, 0.3, 7), PoolingPass(0.4, 3.0, 7), PoolingPass(0.3, 1.5, 22))
     ),
+    posterior=PosteriorSettings(used=True),
     # likeness is for print
     propagation=PropagationSettings(softness=0.45, likeness=7.0),
     affinity=AffinitySettings(tolerance=3e-2),  # a smaller one shows in no photograph
     # from chromaticities without noise it would only remove detail
     refinement=RefinementSettings(repetitions=0),
-).switched(True)
+    correction=Switch(used=True),
+    learned=Switch(used=True),
+)
 UNLEARNED = replace(
     BEST,
     luminance=replace(BEST.luminance, learned=False),
