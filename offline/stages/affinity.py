@@ -29,19 +29,9 @@ import numpy as np
 from ...shared.arrays import BoolArray, FloatArray, Pair
 from ...shared.block_grid import BlockGrid
 from ...shared.pattern import CfaPattern
+from ..numerics import conjugate_gradients as solver
 from ..numerics.arrays import Area, Doubles1, Floats1, Floats2, Floats3, Ints1
 from ..numerics.compile import Chunks, kernel, parallel_kernel
-from ..numerics.conjugate_gradients import (
-    BORDER,
-    Limits,
-    System,
-    check_convergence,
-    cut,
-    linked_sum,
-    planes,
-    product,
-    solve,
-)
 from ..numerics.functions import chunk_at, chunk_count, exponential, unset, zeros
 from ..numerics.gaussian import TRUNCATE
 from ..patches import HALO, chunk_patches, padded_rows, patches_of
@@ -113,10 +103,10 @@ def solve_affinities(
     count = chunk_count((end - first, across), size)
     residuals, used = np.empty(count), np.empty(count, np.intp)
     fields = np.empty((CLASSES, (end - first) * period, across * period), np.float32)
-    limits = Limits(settings.tolerance, settings.iterations)
+    limits = solver.Limits(settings.tolerance, settings.iterations)
     pins = _pins(pattern, grid, (size[1] + 2 * HALO) * period)
     solve_fields(padded, patches, size, pins, filters, limits, fields, residuals, used)
-    check_convergence("affinity", used, residuals, settings.tolerance)
+    solver.check_convergence("affinity", used, residuals, settings.tolerance)
     return fields.reshape(2, 2, *fields.shape[1:])
 
 
@@ -161,7 +151,7 @@ def solve_fields(
     chunk_size: Pair,
     pins: Floats3,
     filters: Filters,
-    limits: Limits,
+    limits: solver.Limits,
     fields: Floats3,
     residuals: Doubles1,
     used: Ints1,
@@ -199,17 +189,17 @@ def solve_fields(
         luminance = unset(tall, wide)
         luminance[:] = padded[above * period :, before * period :][:tall, :wide]
         given = _given(pins, (above % 2 * period, before % 2 * period), size)
-        links = planes(4, size)
+        links = solver.planes(4, size)
         _weigh(transmission(luminance, period, filters), links)
-        cut(links, size)
+        solver.cut(links, size)
         # Together, so that planes do not lie a multiple of a page apart: those would share lines of
         # the cache.
-        scale, unknowns = planes(1, size)[0], zeros(2 * _SOLVED, links.shape[1], links.shape[2])
+        scale, unknowns = solver.planes(1, size)[0], zeros(2 * _SOLVED, *links.shape[1:])
         solution, residual = unknowns[:_SOLVED], unknowns[_SOLVED:]
         norm = _start(links, given, size[1], scale, residual)
         _scale(links, scale)
-        system = System(links, links[:0])
-        residuals[chunk], used[chunk] = solve(system, residual, solution, limits, norm)
+        system = solver.System(links, links[:0])
+        residuals[chunk], used[chunk] = solver.solve(system, residual, solution, limits, norm)
         inner = (first - above) * period, (left - before) * period
         area = top * period, bottom * period, left * period, right * period
         _finish(solution, scale, given, inner, area, fields)
@@ -218,10 +208,10 @@ def solve_fields(
 @kernel
 def _given(pins: Floats3, place: Pair, size: Pair) -> FloatArray:
     """Values at the blocks of a chunk, in planes; the chunk begins at this place of the table."""
-    given = planes(CLASSES, size)
+    given = solver.planes(CLASSES, size)
     for row in range(size[0]):
         source = (place[0] + row) % pins.shape[1]
-        given[:, BORDER + row, : size[1]] = pins[:, source, place[1] : place[1] + size[1]]
+        given[:, solver.BORDER + row, : size[1]] = pins[:, source, place[1] : place[1] + size[1]]
     return given
 
 
@@ -234,7 +224,7 @@ def _weigh(through: Floats3, links: Floats3) -> None:
     h, v, below = through[0].reshape(-1), through[1].reshape(-1), np.uintp(width)
     right, down = links[0].reshape(-1), links[1].reshape(-1)
     down_right, down_left = links[2].reshape(-1), links[3].reshape(-1)
-    for row in range(BORDER, rows - BORDER):
+    for row in range(solver.BORDER, rows - solver.BORDER):
         for column in range(width):
             here = np.uintp(row * width) + np.uintp(column)
             under, either = here + below, min(h[here], v[here])
@@ -256,7 +246,7 @@ def transmission(luminance: Floats2, period: int, filters: Filters) -> FloatArra
     """
     reach, width = filters.smooth.shape[1] - 1, luminance.shape[1]
     rows, columns = luminance.shape[0] - 2 * reach, width - 2 * reach
-    through, energy = planes(2, (rows, columns)), zeros(2, period, width)
+    through, energy = solver.planes(2, (rows, columns)), zeros(2, period, width)
     for top in range(0, rows, period):
         energy[:] = _ZERO
         around = luminance[top : top + period + 2 * reach].reshape(-1)
@@ -266,7 +256,7 @@ def transmission(luminance: Floats2, period: int, filters: Filters) -> FloatArra
         for axis in range(2):
             relative = _over_mean(energy[axis], columns)
             for row in range(period):
-                source, line = energy[axis, row], through[axis, BORDER + top + row]
+                source, line = energy[axis, row], through[axis, solver.BORDER + top + row]
                 for column in range(columns):
                     line[column] = exponential(source[column] * relative[column])
     return through
@@ -340,8 +330,8 @@ def _start(
     """
     solved, every = len(residual), zeros(*scale.shape)
     every[:] = _ONE
-    linked_sum(links, every, scale)
-    for row in range(BORDER, len(scale) - BORDER):
+    solver.linked_sum(links, every, scale)
+    for row in range(solver.BORDER, len(scale) - solver.BORDER):
         line, pinned = scale[row], given[solved, row]
         for column in range(columns):
             line[column] = (_ONE - pinned[column]) / np.sqrt(max(line[column], _LEAST_DIAGONAL))
@@ -349,7 +339,7 @@ def _start(
     norm, start = 0.0, every.reshape(-1)
     for field in range(solved):
         _right_side(links, given[field], scale, residual[field])
-        norm = max(norm, product(residual[field], residual[field]))
+        norm = max(norm, solver.product(residual[field], residual[field]))
         out = residual[field].reshape(-1)
         for index in range(len(out)):
             out[index] -= _QUARTER * start[index]
@@ -359,7 +349,7 @@ def _start(
 @kernel
 def _right_side(links: Floats3, values: Floats2, scale: Floats2, out: Floats2) -> None:
     """Write the scaled sum of the links to blocks."""
-    linked_sum(links, values, out)
+    solver.linked_sum(links, values, out)
     sums, roots = out.reshape(-1), scale.reshape(-1)
     for index in range(len(sums)):
         sums[index] *= roots[index]
@@ -372,7 +362,7 @@ def _scale(links: Floats3, scale: Floats2) -> None:
     right, down = links[0].reshape(-1), links[1].reshape(-1)
     down_right, down_left = links[2].reshape(-1), links[3].reshape(-1)
     roots = scale.reshape(-1)
-    for row in range(BORDER, rows - BORDER):
+    for row in range(solver.BORDER, rows - solver.BORDER):
         for column in range(width):
             here = np.uintp(row * width) + np.uintp(column)
             # From left to right: both roots may be as large as 3e18, their product with a weight is
@@ -394,7 +384,7 @@ def _finish(
     """
     top, bottom, left, right = area
     for row in range(top, bottom):
-        at, sums = BORDER + inner[0] + row - top, zeros(right - left)
+        at, sums = solver.BORDER + inner[0] + row - top, zeros(right - left)
         pinned, roots = given[_SOLVED, at][inner[1] :], scale[at][inner[1] :]
         for field in range(_SOLVED):
             source, pin = solution[field, at][inner[1] :], given[field, at][inner[1] :]
