@@ -155,8 +155,9 @@ def estimate_errors(
     noise = np.zeros_like(error) if variance is None else np.ascontiguousarray(variance, np.float32)
     change, tints = np.empty_like(error), np.empty((*error.shape, count), np.float32)
     aside = (sites.channels[:, None] == np.arange(count)) - 1 / count
-    given = SiteErrors(error, weight, noise, of_filled, of_colour)
-    posterior_means(given, nearness(sites.pattern), aside @ aside.T, aside, change, tints)
+    correlation = nearness(sites.pattern), aside @ aside.T, aside
+    given = SiteErrors(error, weight, noise, of_filled, of_colour, *correlation)
+    posterior_means(given, change, tints)
     return change, tints
 
 
@@ -169,6 +170,10 @@ class SiteErrors(NamedTuple):
         e, w and v, (rows, columns, S).
     luminance, colour : Floats2
         D and T, (rows, columns).
+    near, alike : Doubles2
+        R and P, (S, S).
+    aside : Doubles2
+        [c_s = i] - 1 / C, (S, C).
     """
 
     error: Floats3
@@ -176,27 +181,15 @@ class SiteErrors(NamedTuple):
     noise: Floats3
     luminance: Floats2
     colour: Floats2
+    near: Doubles2
+    alike: Doubles2
+    aside: Doubles2
 
 
 @parallel_kernel()
-def posterior_means(
-    chunks: Chunks,
-    given: SiteErrors,
-    near: Doubles2,
-    alike: Doubles2,
-    aside: Doubles2,
-    change: Floats3,
-    tints: Floats4,
-) -> None:
-    """Compute E[d | e], (rows, columns, S), and E[t | e], (rows, columns, S, C).
-
-    Parameters
-    ----------
-    near, alike : Doubles2
-        R and P, (S, S).
-    aside : Doubles2
-        [c_s = i] - 1 / C, (S, C).
-    """
+def posterior_means(chunks: Chunks, given: SiteErrors, change: Floats3, tints: Floats4) -> None:
+    """Compute E[d | e], (rows, columns, S), and E[t | e], (rows, columns, S, C)."""
+    near, alike, aside = given.near, given.alike, given.aside
     (_, columns, count), channels = change.shape, aside.shape[1]
     covariance, solution = np.empty((count, count)), np.empty(count)
     for row in range(chunks[0], chunks[1]):
