@@ -208,10 +208,10 @@ class _Strip:
         # below, left and right.
         period, black = self.frame.pattern.period, floor * np.float32(_CHANNEL)
         steps = (-period, 0), (period, 0), (0, -period), (0, period)
-        repeats = np.stack([self.around(row + down, column + across, 1) for down, across in steps])
-        usual = _mean(repeats, 0).clip(0) + black
-        are_sites = self.around(row, column, 1, self.coloured)
-        sites = np.where(are_sites, self.around(row, column, 1), np.float32(np.nan))
+        repeats = [_around(self.luminance, row + y, column + x, 1) for y, x in steps]
+        usual = _mean(np.stack(repeats), 0).clip(0) + black
+        are_sites = _around(self.coloured, row, column, 1)
+        sites = np.where(are_sites, _around(self.luminance, row, column, 1), np.float32(np.nan))
         noise = self.noise(high)[:, None]
         darker, brighter = (((sites + step).clip(0) + black) / usual for step in (noise, -noise))
         low = low * np.fmin(np.fmin.reduce(darker, axis=1), 1)
@@ -223,21 +223,19 @@ class _Strip:
         """The neighbours in the squares around N places, (N, pixels), sorted, NaN at the end:
         samples, and lower bounds that exceed all of these.
         """
-        luminance = self.around(row, column, reach)
-        coloured = self.around(row, column, reach, self.coloured)
+        luminance = _around(self.luminance, row, column, reach)
+        coloured = _around(self.coloured, row, column, reach)
         luminance[:, luminance.shape[1] // 2] = np.nan
         highest = np.fmax.reduce(np.where(coloured, np.float32(-np.inf), luminance), axis=1)
         within = coloured & ~(luminance > highest[:, None])
         return np.sort(np.where(within, np.float32(np.nan), luminance), axis=1)
 
-    def around(
-        self, row: IndexArray, column: IndexArray, reach: int, plane: NDArray[Any] | None = None
-    ) -> NDArray[Any]:
-        """The squares of a plane, luminance by default, around N places, (N, pixels)."""
-        side = 2 * reach + 1
-        windows = sliding_window_view(self.luminance if plane is None else plane, (side, side))
-        windows = windows[row - reach, column - reach]
-        return windows.reshape(len(windows), side**2)
+
+def _around(plane: NDArray[Any], row: IndexArray, column: IndexArray, reach: int) -> NDArray[Any]:
+    """The squares of a plane around N places, (N, pixels)."""
+    side = 2 * reach + 1
+    windows = sliding_window_view(plane, (side, side))[row - reach, column - reach]
+    return windows.reshape(len(row), side**2)
 
 
 def _places(marked: BoolArray) -> tuple[IndexArray, IndexArray]:
