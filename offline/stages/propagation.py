@@ -97,8 +97,9 @@ class Propagation(RowStage):
         out = np.empty((rows[1] - rows[0], grid.frame[1], spread.shape[-1]), np.float32)
         luminance = np.maximum(padded_rows(self.frame.luminance, grid, patches, 0), 0)
         corner = rows[0] + above - patches[0] * grid.period, left
-        weighting = Weighting(np.float32(settings.softness), np.float32(settings.likeness))
-        mix(fields, spread, luminance, Place(grid.period, patches[0], *corner), weighting, out)
+        weighting = np.float32(settings.softness), np.float32(settings.likeness)
+        mixing = Mixing(luminance, grid.period, patches[0], *corner, *weighting)
+        mix(fields, spread, mixing, out)
         return out
 
 
@@ -135,34 +136,34 @@ def follow_lines(
                 out[row, column, channel] /= total
 
 
-class Place(NamedTuple):
-    """Pixels of a patch, the first row of patches in the fields, and the row and column of the
-    fields that belong to out[0, 0].
+class Mixing(NamedTuple):
+    """Luminance, places and constants of `mix`.
+
+    Attributes
+    ----------
+    luminance : Floats2
+        Of the same pixels as the fields, 0 or more, scene units.
+    period : int
+        Pixels of a patch.
+    patch : int
+        The first row of patches in the fields.
+    row, column : int
+        Those of the fields that belong to out[0, 0].
+    softness, likeness : Single
+        See `PropagationSettings`.
     """
 
+    luminance: Floats2
     period: int
     patch: int
     row: int
     column: int
-
-
-class Weighting(NamedTuple):
-    """Constants of `PropagationSettings`."""
-
     softness: Single
     likeness: Single
 
 
-@parallel_kernel(chunks=lambda fields, blocks, _, place, *rest: fields.shape[1] // place.period)
-def mix(
-    chunks: Chunks,
-    fields: Floats3,
-    blocks: Floats3,
-    luminance: Floats2,
-    place: Place,
-    settings: Weighting,
-    out: Floats3,
-) -> None:
+@parallel_kernel(chunks=lambda fields, blocks, mixing, out: fields.shape[1] // mixing.period)
+def mix(chunks: Chunks, fields: Floats3, blocks: Floats3, mixing: Mixing, out: Floats3) -> None:
     """Compute the chromaticities of some rows of the frame (Eqs. 10 and 14).
 
     Parameters
@@ -171,30 +172,28 @@ def mix(
         (4, pixel rows, padded columns), the fields of whole rows of patches.
     blocks : Floats3
         (block rows, block columns, C), all blocks of the grid.
-    luminance : Floats2
-        Of the same rows as the fields, 0 or more.
     out : Floats3
         (rows, W, C), written.
     """
-    (_, _, width), period, channels = fields.shape, place.period, blocks.shape[2]
+    (_, _, width), period, channels = fields.shape, mixing.period, blocks.shape[2]
     kappa, total, mixed = unset(CLASSES, width), unset(width), unset(channels, width)
     for patch in range(chunks[0], chunks[1]):
         # A class is at the same corner in every second patch only, so its luminance and
         # chromaticity are stored for every column.
-        lines = luminance[patch * period : (patch + 1) * period]
-        lit, colour, mean = _expand(blocks, lines, place.patch + patch)
-        top = patch * period - place.row
+        lines = mixing.luminance[patch * period : (patch + 1) * period]
+        lit, colour, mean = _expand(blocks, lines, mixing.patch + patch)
+        top = patch * period - mixing.row
         for row in range(max(top, 0), min(top + period, len(out))):
-            here = luminance[row + place.row]
+            here = row + mixing.row
             total[:] = _ZERO
             for kind in range(CLASSES):
-                _weigh(fields[kind, row + place.row], lit[kind], here, settings, kappa[kind], total)
+                _weigh(fields[kind, here], lit[kind], here, mixing, kappa[kind], total)
             for column in range(width):
                 total[column] = _ONE / total[column] if total[column] > _SMALLEST_FLOAT else _ZERO
             for channel in range(channels):
                 _mix(kappa, colour[channel], mean[channel], total, mixed[channel])
             for channel in range(channels):
-                line = mixed[channel, place.column :]
+                line = mixed[channel, mixing.column :]
                 for column in range(out.shape[1]):
                     out[row, column, channel] = line[column]
 
@@ -226,10 +225,13 @@ def _expand(blocks: Floats3, luminance: Floats2, patch: int) -> tuple[Floats2, F
 
 @kernel
 def _weigh(
-    alpha: Floats1, lit: Floats1, here: Floats1, settings: Weighting, kappa: Floats1, total: Floats1
+    alpha: Floats1, lit: Floats1, row: int, mixing: Mixing, kappa: Floats1, total: Floats1
 ) -> None:
-    """Write the weights of Eq. 14, not yet scaled to a sum of one, and add them to their total."""
-    softness, likeness = settings
+    """Write the weights of Eq. 14, not yet scaled to a sum of one, and add them to their total.
+
+    row: of the fields.
+    """
+    softness, likeness, here = mixing.softness, mixing.likeness, mixing.luminance[row]
     if likeness > _ZERO:
         for column in range(len(alpha)):
             weight = softness + abs(alpha[column])
