@@ -38,7 +38,7 @@ import numpy as np
 from ...shared.arrays import FloatArray
 from ...shared.progress import SILENT, Progress
 from ..frame import BlockSums, Frame, curvature
-from ..numerics.arrays import Floats1, Floats3
+from ..numerics.arrays import Floats1, Floats2, Floats3
 from ..numerics.chunks import BLOCK_ROWS, in_strips
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.gaussian import smoothed
@@ -291,13 +291,13 @@ def pool(chunks: Chunks, sums: Floats3, features: Floats3, near: Floats1, pooled
                 a = b = c = d = e = f = load(pooled, (first, row, column))
                 for y in range(row, row + 2 * radius + 1):
                     for x in range(column, column + 2 * radius + 1):
-                        distance = _squared_difference(features, 0, y, x, down, across)
+                        distance = _squared_difference(features[0], y, x, down, across)
                         for plane in range(1, brightness):
-                            distance += _squared_difference(features, plane, y, x, down, across)
+                            distance += _squared_difference(features[plane], y, x, down, across)
                         noise = load(features, (brightness + 1, y, x))
                         noise += load(features, (brightness + 1, down, across))
                         distance = quotient(distance, noise)
-                        distance += _squared_difference(features, brightness, y, x, down, across)
+                        distance += _squared_difference(features[brightness], y, x, down, across)
                         weight = greater(_ONE - _SHARE * distance, _ZERO)
                         weight *= weight
                         weight *= weight
@@ -314,11 +314,9 @@ def pool(chunks: Chunks, sums: Floats3, features: Floats3, near: Floats1, pooled
 
 
 @kernel
-def _squared_difference(
-    features: Floats3, plane: int, y: int, x: int, row: int, column: int
-) -> Lanes:
+def _squared_difference(feature: Floats2, y: int, x: int, row: int, column: int) -> Lanes:
     """The squared difference of a feature between blocks at (y, x) and the one at (row, column),
     and those to their right.
     """
-    difference = load(features, (plane, y, x)) - load(features, (plane, row, column))
+    difference = load(feature, (y, x)) - load(feature, (row, column))
     return difference * difference
