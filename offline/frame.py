@@ -428,10 +428,8 @@ class Frame:
         in or next to them, bool (rows, columns); all of them where highlights are restored: they
         are samples like others then.
         """
-        if self.lost is not None:
-            return np.ones(self.sites.shape, np.bool_)
         limits = self.limits(slice(0, self.sites.shape[0]))
-        if self.signal.max() < min(self.clipping, limits.min()):
+        if self.lost is not None or self.signal.max() < min(self.clipping, limits.min()):
             return np.ones(self.sites.shape, np.bool_)
         colours = self.sites.of(self.signal) < limits
         beside = self.sites.surroundings(self.signal).highest < self.clipping

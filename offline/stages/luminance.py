@@ -209,8 +209,7 @@ def _fill_isolated(
     for edge, filled in zip(edges, margins, strict=True):
         start[edge] = filled
     places, extent = np.array([site[:2] for site in pattern.sites]), pattern.block_shape
-    inner = np.ones((3, down + 3, across + 3))
-    inside = np.flatnonzero(np.pad(inner, ((0, 0), (1, 1), (1, 1))))
+    inside = np.flatnonzero(np.pad(np.ones((3, down + 3, across + 3)), ((0, 0), (1, 1), (1, 1))))
     kind = extent, places, _response(extent, places), inside
     for first in range(0, len(rows), _ROWS):
         corner = int(rows[first]), int(columns[0])
