@@ -13,12 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from ..shared import BlockGrid, CfaPattern, Mosaic, NoiseModel
 from ..shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray, mirrored
-from ..shared.block_grid import BlockGrid
-from ..shared.calibration import NoiseModel
 from ..shared.errors import InputError
-from ..shared.mosaic import Mosaic
-from ..shared.pattern import CfaPattern
 from ..shared.shading import Shading
 from .bands import DARK, Band
 from .numerics.chunks import BLOCK_ROWS, in_strips

@@ -26,9 +26,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from ...shared import BlockGrid, CfaPattern
 from ...shared.arrays import BoolArray, FloatArray, Pair
-from ...shared.block_grid import BlockGrid
-from ...shared.pattern import CfaPattern
 from ..numerics import conjugate_gradients as solver
 from ..numerics.arrays import Area, Doubles1, Floats1, Floats2, Floats3, Ints1
 from ..numerics.compile import Chunks, kernel, parallel_kernel

@@ -34,9 +34,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from ...shared import Mosaic, NoiseModel
 from ...shared.arrays import STRIP, BoolArray, DoubleArray, FloatArray, IndexArray
-from ...shared.calibration import NoiseModel
-from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
 from ..frame import Frame
 from ..numerics.chunks import copy_array, in_strips

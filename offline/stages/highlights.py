@@ -24,10 +24,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...shared import CfaPattern, Mosaic, NoiseModel
 from ...shared.arrays import STRIP, BoolArray, ByteArray, DoubleArray, FloatArray
-from ...shared.calibration import NoiseModel
-from ...shared.mosaic import Mosaic
-from ...shared.pattern import CfaPattern
 from ...shared.progress import SILENT, Progress
 from ...shared.white_balance import clipped_share, raised_to_white
 from ..frame import Frame

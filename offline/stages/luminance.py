@@ -30,9 +30,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...shared import CfaPattern, Mosaic
 from ...shared.arrays import BORDER, BoolArray, FloatArray, IndexArray, Pair
-from ...shared.mosaic import Mosaic
-from ...shared.pattern import CfaPattern
 from ...shared.progress import SILENT, Progress
 from ..numerics.arrays import Bools2, Floats1, Floats2, Floats3, Floats4, Ints1, Ints2, Single
 from ..numerics.chunks import copy_array, in_strips

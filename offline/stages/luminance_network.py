@@ -11,11 +11,9 @@ this.
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from ...shared import CfaPattern, Mosaic, NoiseModel
 from ...shared.arrays import FloatArray, IndexArray, mirrored
-from ...shared.calibration import NoiseModel
-from ...shared.mosaic import Mosaic
 from ...shared.networks import NETWORKS, load_network
-from ...shared.pattern import CfaPattern
 from ..frame import Sites
 from ..numerics.chunks import in_chunks
 

@@ -15,9 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...shared import Mosaic, NoiseModel
 from ...shared.arrays import BoolArray, DoubleArray, FloatArray
-from ...shared.calibration import NoiseModel
-from ...shared.mosaic import Mosaic
 from ..stage import StageSettings
 
 
