@@ -273,9 +273,7 @@ def _precondition(residual: Floats2, inverse: Floats2, better: Floats2) -> float
     return product(residual, better)
 
 
-def check_convergence(
-    solver: str, used: IndexArray, residuals: DoubleArray, tolerance: float
-) -> None:
+def check_convergence(solver: str, used: IndexArray, residuals: DoubleArray, limit: float) -> None:
     """Raise ConvergenceError if conjugate gradients did not reach their tolerance in one of several
     systems.
 
@@ -285,10 +283,10 @@ def check_convergence(
         Its name.
     used, residuals : IndexArray, DoubleArray
         (systems,), iterations and relative residual of each, one or more.
-    tolerance : float
+    limit : float
         Residual at which they were to stop.
     """
     worst = float(residuals.max())
-    if not worst <= tolerance:
+    if not worst <= limit:
         stopped = f"stopped at a relative residual of {worst:.1e} after {used.max()} iterations"
-        raise ConvergenceError(f"{solver}: conjugate gradients {stopped}, short of {tolerance:.1e}")
+        raise ConvergenceError(f"{solver}: conjugate gradients {stopped}, short of {limit:.1e}")

@@ -15,18 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ...shared.arrays import FloatArray
+from . import conjugate_gradients as solver
 from .arrays import Doubles1, Floats2, Floats3, Frozen2, Ints1
 from .compile import Chunks, kernel, parallel_kernel
-from .conjugate_gradients import (
-    BORDER,
-    TOGETHER,
-    Limits,
-    System,
-    check_convergence,
-    linked_sum,
-    planes,
-    solve,
-)
 from .functions import ORIENTATIONS, chunk_at, chunk_count, zeros
 
 SIDE = 128
@@ -84,7 +75,7 @@ def fitted(luminance: FloatArray, samples: Samples, prior: Prior, extent: Extent
     residuals, used = np.empty(chunks), np.empty(chunks, np.intp)
     inputs = Samples(*map(np.ascontiguousarray, samples))
     solve_linked(np.ascontiguousarray(luminance), inputs, prior, extent, fields, residuals, used)
-    check_convergence("samples", used, residuals, extent.tolerance)
+    solver.check_convergence("samples", used, residuals, extent.tolerance)
     return fields
 
 
@@ -123,7 +114,7 @@ def solve_linked(
         )
         for field in range(len(fields)):
             for row in range(top, bottom):
-                line = solution[field, BORDER + extent.first + row - above]
+                line = solution[field, solver.BORDER + extent.first + row - above]
                 for column in range(left, end):
                     fields[field, row, column] = line[column - before]
 
@@ -145,7 +136,7 @@ def _link(luminance: Floats2, prior: Prior, links: Floats3) -> None:
         first, end = max(-right, 0), columns - max(right, 0)
         for row in range(len(luminance) - down):
             here, there = luminance[row, first:end], luminance[row + down, first + right :]
-            out = links[link, BORDER + row, first:]
+            out = links[link, solver.BORDER + row, first:]
             for column in range(len(here)):
                 step = there[column] - here[column]
                 out[column] = weight / (_ONE + step * step * scale)
@@ -159,20 +150,20 @@ def _solved(
     iterations used.
     """
     count, rows, columns = weights.shape
-    padded = (count + TOGETHER - 1) // TOGETHER * TOGETHER
-    degree, fading = planes(1, (rows, columns))[0], np.float32(prior.fading)
+    padded = (count + solver.TOGETHER - 1) // solver.TOGETHER * solver.TOGETHER
+    degree, fading = solver.planes(1, (rows, columns))[0], np.float32(prior.fading)
     shape = degree.shape
     links, diagonal, residual = zeros(4, *shape), zeros(padded, *shape), zeros(padded, *shape)
     _link(luminance, prior, links)
     residual[0] = _ONE
-    linked_sum(links, residual[0], degree)
+    solver.linked_sum(links, residual[0], degree)
     residual[0] = _ZERO
     for field in range(count):
         for row in range(rows):
-            at, sums = BORDER + row, degree[BORDER + row]
+            at, sums = solver.BORDER + row, degree[solver.BORDER + row]
             for column in range(columns):
                 residual[field, at, column] = products[field, row, column]
                 diagonal[field, at, column] = weights[field, row, column] + (sums[column] + fading)
-    fields, limits = zeros(padded, *shape), Limits(tolerance, _ITERATIONS)
-    left, used = solve(System(links, diagonal), residual, fields, limits, 0.0)
+    fields, limits = zeros(padded, *shape), solver.Limits(tolerance, _ITERATIONS)
+    left, used = solver.solve(solver.System(links, diagonal), residual, fields, limits, 0.0)
     return fields, left, used

@@ -314,9 +314,7 @@ def _over_mean(energy: Floats2, columns: int) -> FloatArray:
 
 
 @kernel
-def _start(
-    links: Floats3, given: Floats3, columns: int, scale: Floats2, residual: Floats3
-) -> float:
+def _start(links: Floats3, given: Floats3, width: int, scale: Floats2, residual: Floats3) -> float:
     """Write what scales the equations to a diagonal of one, and the start's residuals. Returns the
     largest square of a right side.
 
@@ -332,7 +330,7 @@ def _start(
     solver.linked_sum(links, every, scale)
     for row in range(solver.BORDER, len(scale) - solver.BORDER):
         line, pinned = scale[row], given[solved, row]
-        for column in range(columns):
+        for column in range(width):
             line[column] = (_ONE - pinned[column]) / np.sqrt(max(line[column], _LEAST_DIAGONAL))
     _right_side(links, given[solved], scale, every)
     norm, start = 0.0, every.reshape(-1)

@@ -196,9 +196,7 @@ def _pooled(sums: FloatArray, features: FloatArray, near: FloatArray) -> FloatAr
     return pooled[:count, :, :columns]
 
 
-def precise_sums(
-    frame: Frame, chromaticity: FloatArray, error: float
-) -> tuple[FloatArray, FloatArray]:
+def precise_sums(frame: Frame, colours: FloatArray, error: float) -> tuple[FloatArray, FloatArray]:
     """A and B of each whole block, float32 (2 C, rows, columns), and its luminance, float32 (rows,
     columns).
 
@@ -206,14 +204,14 @@ def precise_sums(
 
     Parameters
     ----------
-    chromaticity : FloatArray
-        (C, rows, columns), through which channels see the error of luminance, which is `error`
-        times its curvature.
+    colours : FloatArray
+        (C, rows, columns), chromaticities, through which channels see the error of luminance, which
+        is `error` times its curvature.
     """
     channels, grey = len(frame.gamma), np.float32(frame.mosaic.calibration.grey)
     sums = np.zeros((2 * channels, *frame.sites.shape), np.float32)
     filled = np.zeros(frame.sites.shape, np.float32)
-    sensitivity, signal = chromaticity.clip(_FAINTEST * grey, _STRONGEST * grey), frame.signal
+    sensitivity, signal = colours.clip(_FAINTEST * grey, _STRONGEST * grey), frame.signal
 
     def work(rows: slice) -> None:
         for channel, place in zip(frame.sites.channels, frame.sites.at(rows), strict=True):

@@ -260,12 +260,10 @@ def _mix(kappa: Floats2, colour: Floats2, mean: Floats1, share: Floats1, mixed: 
 
 
 @parallel_kernel()
-def apply_luminance(
-    chunks: Chunks, chromaticity: Floats3, luminance: Floats2, out: Floats3
-) -> None:
+def apply_luminance(chunks: Chunks, colour: Floats3, luminance: Floats2, out: Floats3) -> None:
     """Multiply chromaticity (H, W, C) by luminance (H, W) to `out` (H, W, C), Eq. 17."""
     for row in range(chunks[0], chunks[1]):
         for column in range(out.shape[1]):
             lit = luminance[row, column]
             for channel in range(out.shape[2]):
-                out[row, column, channel] = chromaticity[row, column, channel] * lit
+                out[row, column, channel] = colour[row, column, channel] * lit

@@ -190,15 +190,13 @@ def average(
 
 
 @kernel
-def _gather(
-    source: Floats1, tints: Floats2, places: Ints1, luminance: Floats1, colour: Floats2
-) -> None:
+def _gather(source: Floats1, tints: Floats2, places: Ints1, lit: Floats1, colour: Floats2) -> None:
     """Copy a row of the frame, with luminance, and luminance times chromaticity: Eq. 16 multiplies
     weights by the other pixel's luminance.
     """
     for column in range(len(places)):
-        luminance[column] = source[places[column]]
-        colour[0, column] = max(luminance[column], _ZERO)
+        lit[column] = source[places[column]]
+        colour[0, column] = max(lit[column], _ZERO)
     for channel in range(tints.shape[1]):
         for column in range(len(places)):
             colour[channel + 1, column] = colour[0, column] * tints[places[column], channel]

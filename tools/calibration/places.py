@@ -102,11 +102,9 @@ def code_step(codes: CodeArray) -> int:
     """Return the step between the usual codes: more than 1 where a sensor's were shifted to more
     bits; 1 of one or two codes, which do not tell it.
     """
-    counts = np.bincount(codes.ravel())
-    up_to = counts.cumsum() / codes.size
-    used = np.flatnonzero(
-        (counts > 0) & (up_to > _TAIL) & (up_to - counts / codes.size < 1 - _TAIL)
-    )
+    share = np.bincount(codes.ravel()) / codes.size
+    up_to = share.cumsum()
+    used = np.flatnonzero((share > 0) & (up_to > _TAIL) & (up_to - share < 1 - _TAIL))
     return int(np.gcd.reduce(np.diff(used))) if len(used) > 2 else 1
 
 

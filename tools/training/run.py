@@ -118,7 +118,7 @@ def train(plan: Plan, folder: Path, jobs: int, progress: StageProgress) -> Path:
     seeds = [(plan.seed, period, variant) for variant in range(plan.variants)]
     sources = [*plan.sources, *[PAGE] * -(-count // 3), *[DRAWN] * -(-count // 4)]
     examples = make_examples(make, sources, seeds, work, jobs, progress)
-    network, learned = _descend(plan, work, examples, jobs, progress), examples[0]
+    network, learned = _learn(plan, work, examples, jobs, progress), examples[0]
     chosen = learned[:: -(-len(learned) // _MEASURED)]
     sampled = [_read(path, plan, "cpu", progress) for path in chosen]
     batches = (_batch(sampled, plan, (plan.seed, 2, number)) for number in range(_JUDGED))
@@ -148,9 +148,7 @@ def turned(plan: Plan, *, transposed: bool, exchanged: bool) -> Turn:
     return Turn(inputs, outputs, transposed, exchanged)
 
 
-def _descend(
-    plan: Plan, work: Path, paths: Examples, jobs: int, progress: StageProgress
-) -> Network:
+def _learn(plan: Plan, work: Path, paths: Examples, jobs: int, progress: StageProgress) -> Network:
     """Gradient descent from the last checkpoint on; returns the network."""
     device = "cuda" if torch.cuda.is_available() else "cpu"
     torch.set_num_threads(jobs)
