@@ -7,7 +7,7 @@ gamma_i c_i = 1 (Eq. 7). So
     c = argmin_c sum_i (sum_(n_i) (l[n_i] c_i - m[n_i])^2 + sigma_z^2 (c_i - 1 / sum gamma)^2)   (8)
     under sum_i gamma_i c_i = 1                                                                 (9)
 
-where sigma_z, the noise, pulls dark blocks towards grey. `blocks.BlockSums` solves it. Medians of
+where sigma_z, the noise, pulls dark blocks towards grey. `frame.BlockSums` solves it. Medians of
 five blocks along four orientations then propose values for each block, channel by channel; the
 nearest proposal replaces its chromaticity, until nothing changes. tests/reference/chromaticity.py
 transcribes this literally.

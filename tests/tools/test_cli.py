@@ -216,7 +216,8 @@ cli.main()
 """
     # large enough for several threads
     run("simulate builtin:600x300 -o", tmp_path / "shots", code=0)
-    outcome = spawn(verb, tmp_path / "shots", "-o", tmp_path, script=script, code=130)
+    threads = {**os.environ, "PANCHROMA_THREADS": "2"}
+    outcome = spawn(verb, tmp_path / "shots", "-o", tmp_path, script=script, env=threads, code=130)
     assert "Traceback" not in outcome.err
     assert results(tmp_path) == {"shots"}
 
