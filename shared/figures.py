@@ -9,9 +9,11 @@ So documents that hold one are refused as a whole.
 import inspect
 import json
 import math
+import operator
 from collections import Counter
 from collections.abc import Callable
-from numbers import Integral, Real
+from contextlib import suppress
+from numbers import Real
 from typing import Any, TypeVar
 
 from .errors import InputError
@@ -35,7 +37,7 @@ def parsed_json(text: str | bytes) -> Any:
     >>> parsed_json('{"gamma": [0.9, 1.1, 0.8]}')
     {'gamma': [0.9, 1.1, 0.8]}
     """
-    hooks: dict[str, Any] = dict.fromkeys(("parse_float", "parse_constant"), _finite_number)
+    hooks: dict[str, Any] = {"parse_float": _finite_number, "parse_constant": _finite_number}
     try:
         return json.loads(text, parse_int=_whole_number, object_pairs_hook=_fields, **hooks)
     except InputError:
@@ -112,8 +114,9 @@ def whole(name: str, value: Any) -> int:
     >>> whole("white_level", 4095)
     4095
     """
-    if isinstance(value, Integral) and not isinstance(value, bool):
-        return int(value)
+    with suppress(TypeError):
+        if not isinstance(value, bool):
+            return operator.index(value)
     raise InputError(f"{name} is {shown(value)}, expected a whole number")
 
 

@@ -102,4 +102,5 @@ def read_header(jpeg: bytes) -> JpegHeader:
     if jpeg.find(_LONG_RUN, 0, place if found else len(jpeg)) >= 0:
         check_count(len(_LONG_RUN), "filling bytes")
     size: tuple[int, int, int, int] = struct.unpack(">BHHB", frame[1])
+    # in the order of the fields
     return JpegHeader(frame[0], *size, scans, marker == _END, tuple(applications))

@@ -59,9 +59,8 @@ def illuminant_xy(name: str) -> Chromaticity:
     if not low <= kelvin <= high:
         expected = f"expected {', '.join(ILLUMINANTS)}, or {low:g} to {high:g} kelvin"
         raise InputError(f"the light is {shown(name)}, {expected}")
-    if (
-        kelvin >= 5000
-    ):  # daylight, as CIE 13.3 chooses its reference illuminants: CIE 15:2018, 4.1.2
+    # daylight, as CIE 13.3 chooses its reference illuminants: CIE 15:2018, 4.1.2
+    if kelvin >= 5000:
         cubic = (-4.607e9, 2.9678e6, 99.11, 0.244063)
         if kelvin > 7000:
             cubic = (-2.0064e9, 1.9018e6, 247.48, 0.237040)
@@ -213,7 +212,7 @@ def between(lights: LightMatrices, neutral: ArrayLike, own: Factors = None) -> M
     lights : Sequence[tuple[Chromaticity, DoubleArray]]
         Of two different ones the chromaticity, and the ColorMatrix (C, 3) for it.
     own : Factors, optional
-        See there.
+        For each light what the camera reads of what the ColorMatrix says; None = the same.
 
     Returns
     -------

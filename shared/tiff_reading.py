@@ -1,12 +1,13 @@
 """The structure of an untrusted TIFF (TIFF 6.0, BigTIFF, Exif blocks, camera RAWs that are built
 alike): single fields of it, and a check of its directories before a library parses them.
 
-Of fields only what is asked for is read. Whatever is damaged counts as missing: these fields are
-capture data, which no picture depends on.
+`read_directories` reads only what is asked for, and counts as missing what is damaged: these fields
+are capture data, which no picture depends on.
 
-tifffile and Pillow create a Python object for every number that a field declares, and follow every
-directory that another names. A malicious file of some megabytes can thus fill gigabytes of memory
-or keep them busy for hours.
+`check_directories` and `check_page` refuse a file before a library parses it. tifffile and Pillow
+create a Python object for every number that a field declares, and follow every directory that
+another names. A malicious file of some megabytes can thus fill gigabytes of memory or keep them
+busy for hours.
 """
 
 import struct
@@ -66,7 +67,7 @@ class Structure:
         self.end = file.seek(0, SEEK_END) - place
         header = self.read(0, 16)
         self._order = {b"II": "<", b"MM": ">"}.get(header[:2], "")
-        # Makers of cameras put numbers of their own where TIFF has 42, and BigTIFF 43.
+        # TIFF has 42 here, and BigTIFF 43; makers of cameras put numbers of their own.
         big = len(header) == 16 and header[2:4] == struct.pack(f"{self._order or '<'}H", 43)
         layouts = ("Q", "HHQ8s", "Q") if big else ("H", "HHI4s", "I")
         structs = (struct.Struct(self._order + layout) for layout in layouts)

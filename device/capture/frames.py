@@ -239,14 +239,16 @@ class FrameLayout:
         shape = _STRIP, self.line_bytes // packing.length
         strides = padded.shape[1], packing.length
         groups: NDArray[Any] = np.ndarray(shape, packing.word, padded, strides=strides)
+        packed, unpacked, field = (np.empty(shape, packing.word) for _ in range(3))
         for top in range(0, self.height, _STRIP):
             strip = lines[top : top + _STRIP]
             padded[: len(strip), : self.line_bytes] = strip
-            packed = groups.copy()  # is aligned
-            unpacked = np.zeros_like(packed)
+            packed[:] = groups  # a copy that is aligned
+            unpacked[:] = 0
             for by, mask in packing.moves.items():
-                field = packed & mask
-                unpacked |= field << by if by > 0 else field >> -by
+                np.bitwise_and(packed, packing.word.type(mask), out=field)
+                shift = np.left_shift if by > 0 else np.right_shift
+                unpacked |= shift(field, packing.word.type(abs(by)), out=field)
             codes[top : top + _STRIP] = unpacked.view("<u2")[: len(strip), : self.width]
         return codes
 

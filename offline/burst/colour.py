@@ -117,6 +117,7 @@ class ColourSamples:
             variance, usual = (noise.variance(values, channels, gains) for noise in models)
             weight, kinds = agrees[used] / np.float32(255), channels.astype(np.uint8)
             frames.append((places.T, kinds, values, filled, variance, usual, weight))
+        # in the order of the fields
         return cls(len(frames[0][0]), *map(np.concatenate, zip(*frames, strict=True)))
 
     def relit(self, change: FloatArray) -> "ColourSamples":

@@ -97,7 +97,8 @@ def solve_affinities(
     size, filters = chunk_patches(period), derivative_filters(settings.scales)
     first, end = patches_of(grid, rows or (0, len(luminance)))
     above = max(first - HALO, 0) // 2 * 2  # even: there the pins repeat
-    seen, patches = (above, min(end + HALO, down)), (first - above, end - above)
+    seen = above, min(end + HALO, down)
+    patches = first - above, end - above  # counted from the first that is seen
     padded = padded_rows(luminance, grid, seen, filters.smooth.shape[1] - 1)
     count = chunk_count((end - first, across), size)
     residuals, used = np.empty(count), np.empty(count, np.intp)
@@ -186,7 +187,10 @@ def solve_fields(
         size = (below - above) * period, (after - before) * period
         tall, wide = size[0] + 2 * reach, size[1] + 2 * reach
         luminance = unset(tall, wide)
-        luminance[:] = padded[above * period :, before * period :][:tall, :wide]
+        for row in range(tall):
+            source, line = padded[above * period + row, before * period :], luminance[row]
+            for column in range(wide):
+                line[column] = source[column]
         given = _given(pins, (above % 2 * period, before % 2 * period), size)
         links = solver.planes(4, size)
         _weigh(transmission(luminance, period, filters), links)
@@ -210,7 +214,10 @@ def _given(pins: Floats3, place: Pair, size: Pair) -> FloatArray:
     given = solver.planes(CLASSES, size)
     for row in range(size[0]):
         source = (place[0] + row) % pins.shape[1]
-        given[:, solver.BORDER + row, : size[1]] = pins[:, source, place[1] : place[1] + size[1]]
+        for field in range(CLASSES):
+            line, values = given[field, solver.BORDER + row], pins[field, source, place[1] :]
+            for column in range(size[1]):
+                line[column] = values[column]
     return given
 
 

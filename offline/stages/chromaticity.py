@@ -142,6 +142,7 @@ def oriented_medians(
 
 
 Lines = tuple[Doubles1, Doubles1, Doubles1, Doubles1]
+"""Samples of the other four of five blocks in a line, in order."""
 
 
 @parallel_kernel()
@@ -197,7 +198,7 @@ def oriented_median(
 def _median_of_five(c: Doubles1, others: Lines, out: Doubles1, distance: Doubles1) -> None:
     """Write medians and add the squares of their distances from c, the middle.
 
-    Neither the least nor the greatest of the first four can be the median.
+    Neither the least nor the greatest of a, b, c and d can be the median.
     """
     a, b, d, e = others
     for column in range(len(out)):

@@ -486,5 +486,5 @@ def _remove(removed: Floats2, response: Floats3, values: Floats2) -> None:
 @kernel
 def _quad(values: Floats2, quad: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
     i = QUAD * quad
-    left, right = load(values, (i, 0)), load(values, (i + 1, 0))
-    return left, right, load(values, (i + 2, 0)), load(values, (i + 3, 0))
+    h0, h1, h2 = load(values, (i, 0)), load(values, (i + 1, 0)), load(values, (i + 2, 0))
+    return h0, h1, h2, load(values, (i + 3, 0))

@@ -27,8 +27,8 @@ _ANGLES = (GPS["GPSLatitude"], "NS"), (GPS["GPSLongitude"], "EW")
 TEXTS = {name.lower(): TAG[name] for name in ("Make", "Model", "Artist", "Copyright")}
 TEXTS["description"] = TAG["ImageDescription"]
 # Field of CaptureMetadata -> tag of its number in the Exif directory.
-_MEASURES = "exposure_time", "f_number", "focal_length"
-NUMBERS = {name: TAG[name.title().replace("_", "")] for name in _MEASURES}
+NUMBERS = {"exposure_time": TAG["ExposureTime"], "f_number": TAG["FNumber"]}
+NUMBERS["focal_length"] = TAG["FocalLength"]
 _LONGEST = 4096  # bytes of a text: all fields together fit into the 64 KiB of a JPEG's Exif block
 # what tifffile, ImageJ and OME's programs write about arrays in place of a caption
 _ABOUT_ARRAYS = '{"shape": ', "shape=(", "ImageJ=", "<?xml", "<OME"

@@ -146,7 +146,8 @@ class Run:
     dry_run : bool
         Write nothing, only report what would be done.
     made_by : str
-        Digest of all settings that change its files; an `Order` finds its own.
+        Digest of all settings that change its files; empty in an `Order`, whose key comes from its
+        fields.
     outputs : frozenset[Path]
         Outputs of all jobs of the run, of which some may not have been made yet.
     """
@@ -359,9 +360,14 @@ def _make(order: Order, memory: int, workers: int, job: Job, listener: StageProg
         with ThreadPoolExecutor(1) as pool:
             made = order, job, output, source_digest
             bands = _whitened(subject.bands(listener), subject.lost, development, listener)
-            settings: dict[str, Any] = {"overwrite": existing.replace, "threads": threads()}
-            settings["on_complete"] = lambda path: pool.submit(_note_in_journal, *made, path).result
-            write_picture(output, bands, development, **settings)
+            write_picture(
+                output,
+                bands,
+                development,
+                overwrite=existing.replace,
+                on_complete=lambda partial: pool.submit(_note_in_journal, *made, partial).result,
+                threads=threads(),
+            )
         _note_stamp(order, output, f"{stamp} {_stamp([output])}")
     from ...offline import network_name
 

@@ -85,7 +85,7 @@ def fit_photon_transfer(
     offset = 0.0 if read is None else read**2
     predicted = np.maximum(variance, variance.mean() * 1e-3) if mean.size else variance
     kept: BoolArray = np.ones(mean.size, bool)
-    for _ in range(12):
+    for _ in range(12):  # rounds of weighting
         weight = (root / np.maximum(predicted, 1e-15))[kept]
         coefficients, _ = nnls(signed[kept] * weight[:, None], (variance[kept] - offset) * weight)
         least = np.maximum(_LEAST_SHARE * variance, 1e-15)

@@ -132,7 +132,8 @@ def plateau(mosaic: Mosaic) -> tuple[int, float]:
     counts = np.bincount(codes)
     usual = np.flatnonzero(counts > _FEWEST)  # hot pixels may have higher ones
     end = int(usual[-1]) if usual.size else 0
-    if end >= mosaic.calibration.white_level or np.count_nonzero(counts) < _CODES:
+    black, white = mosaic.calibration.black_level[-1], mosaic.calibration.white_level
+    if not black < end < white or np.count_nonzero(counts) < _CODES:
         return end, 0.0
     near = counts[max(end - _BELOW * code_step(codes), 0) : end]
     share = float(counts[end] / counts.sum())

@@ -126,7 +126,9 @@ def _refuse(output: Path, error: str, console: Console, **facts: Any) -> int:
     return FAILED
 
 
-def _write(output: Path, result: "Result", old: Camera | None, console: Console, anew: bool) -> int:
+def _write(
+    output: Path, result: "Result", old: Camera | None, console: Console, overwrite: bool
+) -> int:
     """Write the camera file, and say what it holds; returns the exit code."""
     from ..calibration.files import write_camera
     from ..calibration.places import figures
@@ -135,7 +137,7 @@ def _write(output: Path, result: "Result", old: Camera | None, console: Console,
     if camera is None:
         error = f"{result.refusal}; no camera file was written"
         return _refuse(output, error, console, verdict=verdict, facts=result.facts)
-    if (kept := write_camera(output, camera, overwrite=anew)) is not None:
+    if (kept := write_camera(output, camera, overwrite=overwrite)) is not None:
         console.say(f"{kept}: the file as it was before")
     if old is not None:
         new = list(result.facts)

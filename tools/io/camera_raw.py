@@ -301,11 +301,13 @@ def colour_matrix(tags: StoredFields, neutral: tuple[float, ...], fallback: Any)
     one.
 
     With matrices for two lights it is the one for the light of the neutral, see `between`. What
-    this camera reads of what its model reads is a factor (DNG 1.7.1, chapter 6). With one,
-    DNG 1.7.1 maps camera RGB to XYZ by ForwardMatrix diag(1 / neutral). A ColorMatrix M implies a
-    ForwardMatrix: under its illuminant w the camera's neutral is n = M w, so F = Bradford(w -> D50)
-    M^-1 diag(n), and F (1, 1, 1) = D50. Balancing in camera RGB also works far from w, where M^-1
-    neutral may not even be a real colour. Raises numpy.linalg.LinAlgError for a singular matrix.
+    this camera reads of what its model reads is a factor (DNG 1.7.1, chapter 6).
+
+    With a matrix for one light DNG 1.7.1 maps camera RGB to XYZ by ForwardMatrix diag(1 / neutral).
+    A ColorMatrix M implies a ForwardMatrix: under its illuminant w the camera's neutral is n = M w,
+    so F = Bradford(w -> D50) M^-1 diag(n), and F (1, 1, 1) = D50. Balancing in camera RGB also
+    works far from w, where M^-1 neutral may not even be a real colour. Raises
+    numpy.linalg.LinAlgError for a singular matrix.
 
     neutral: (3,), what white reads in camera RGB under the light of the shot; largest entry 1.
     """

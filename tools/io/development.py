@@ -167,7 +167,7 @@ class Format(ABC):
     Attributes
     ----------
     name : ClassVar[str]
-        Of the format, and the end of its files' names unless `ending` is.
+        Of the format; also the end of its files' names, unless `ending` states another.
     spaces : ClassVar[Mapping[str, tuple[int, ...]]]
         Space -> bits; the first that fits is the default. Integers hold only 0..1, so they are for
         spaces with these limits. Programs show JPEG, PNG and integer TIFF as they are, so linear

@@ -117,16 +117,13 @@ def exif_encoding(exif: IO[bytes], notes: list[str]) -> Encoding | None:
 
 
 def coded_encoding(code: bytes, peak: int) -> Encoding | None:
-    """Return the encoding that code points of H.273 declare; None for one that is not read. Raises
-    InputError for PQ and HLG.
+    """Return the encoding that code points of H.273 declare; None for one that is not read. The
+    curves of PQ and HLG raise InputError.
 
     code: primaries, transfer (tables 2 and 3), matrix, which is 0 for RGB, and whether the range is
     full; in the narrow range black is 16, white 235 of 256 steps. peak: the largest sample.
     """
     primaries, transfer, matrix, full = code if len(code) == 4 else bytes(4)
-    if transfer in _HDR_CURVES:
-        remedy = "save it as sRGB, or as linear light in an EXR or a TIFF"
-        raise InputError(f"its values are encoded in {_HDR_CURVES[transfer]}; {remedy}")
     curve, to_xyz = _CODED_CURVES.get(transfer), _CODED_SPACES.get(primaries)
     if curve is None or to_xyz is None or matrix or full > 1:
         return None
@@ -146,6 +143,16 @@ def _bt709(encoded: DoubleArray) -> DoubleArray:
     return np.where(encoded < 4.5 * 0.018, encoded / 4.5, ((encoded + 0.099) / 1.099) ** (1 / 0.45))
 
 
+def _refused(name: str) -> Curve:
+    """A curve that is not read."""
+
+    def curve(encoded: DoubleArray) -> DoubleArray:
+        remedy = "save it as sRGB, or as linear light in an EXR or a TIFF"
+        raise InputError(f"its values are encoded in {name}; {remedy}")
+
+    return curve
+
+
 # H.273, table 3.
 _CODED_CURVES: dict[int, Curve] = {
     **dict.fromkeys((1, 6, 14, 15), _bt709),
@@ -153,8 +160,9 @@ _CODED_CURVES: dict[int, Curve] = {
     5: power_curve(2.8),
     8: power_curve(1.0),
     13: decode_srgb,
+    16: _refused("PQ"),
+    18: _refused("HLG"),
 }
-_HDR_CURVES = {16: "PQ", 18: "HLG"}  # H.273, table 3
 
 _PROFILE_NAME = "its ICC profile"
 _LARGEST_PROFILE = 4 << 20  # bytes

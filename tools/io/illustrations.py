@@ -138,7 +138,7 @@ def _pattern(tile: Sequence[str]) -> ByteArray:
     """A panel with a pattern that repeats `tile`, one square per pixel."""
     rows = [(row * _DRAWN)[:_DRAWN] for row in (list(tile) * _DRAWN)[:_DRAWN]]
     drawn = draw_tile(rows, _PANEL // _DRAWN)
-    edges = ((_PANEL - len(drawn)) // 2,) * 2
+    edges = ((_PANEL - len(drawn)) // 2,) * 2  # what is left over is even
     return np.pad(drawn, (edges, edges, (0, 0)), constant_values=_PAPER[0])
 
 

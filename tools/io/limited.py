@@ -116,11 +116,12 @@ def _received(stream: IO[bytes], most: int) -> tuple[str, str, NDArray[Any], Fac
     answer = json.loads(stream.readline(_LONGEST_FACTS))
     refused, trace = str(answer["refused"]), str(answer["trace"])
     kind, shape, facts = answer["dtype"], tuple(answer["shape"]), dict(answer["facts"])
-    if kind not in _SAMPLES or len(shape) not in (2, 3):
+    whole = all(type(side) is int for side in shape)
+    if kind not in _SAMPLES or len(shape) not in (2, 3) or not whole:
         raise ValueError("no samples of a picture")
     if prod(shape) * np.dtype(kind).itemsize > most:
         raise ValueError("more samples than the process may hold")
-    samples = np.empty(shape, kind)  # raises for sides that are negative or no whole numbers
+    samples = np.empty(shape, kind)  # raises for negative sides
     if stream.readinto(samples.reshape(-1).view(np.uint8)) != samples.nbytes:  # type: ignore[attr-defined]
         raise ValueError("cut short")
     return refused, trace, samples, facts

@@ -206,8 +206,3 @@ def _page_pixels(page: Any) -> NDArray[Any]:
 
 # A DNG begins as a TIFF does, and so do most camera RAWs: see `load_scene`.
 TIFF = PictureFormat("TIFF", rb"II\*\0|MM\0\*|II\+\0|MM\0\+", (".tif", ".tiff"), decode_tiff)
-
-FORMATS = (decoders.PNG, decoders.JPEG, decoders.EXR, decoders.NPY, TIFF)
-"""All formats; whether what begins like a TIFF is a picture depends on more than its first
-bytes.
-"""

@@ -18,5 +18,8 @@ def sample_bayer(rgb: FloatArray) -> FloatArray:
     """Samples of a noiseless Bayer sensor, float32 (H, W), from a scene (H, W, 3), both in scene
     units.
     """
-    channels = channel_map(rgb.shape[:2])[..., None]
-    return np.take_along_axis(rgb, channels, axis=2)[..., 0].astype(np.float32, copy=False)
+    mosaic: FloatArray = np.empty(rgb.shape[:2], np.float32)
+    for place, letter in enumerate(ORDER):
+        row, column = divmod(place, 2)
+        mosaic[row::2, column::2] = rgb[row::2, column::2, "RGB".index(letter)]
+    return mosaic

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from shutil import copyfileobj
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -19,14 +20,16 @@ from ...shared.errors import ForeignFileError
 from ...shared.reading import MAX_PIXELS, File, file_name, opened_file
 from ..io.camera_raw import NO_RAW, camera_raw_samples, camera_raw_scene
 from ..io.damage import guarded, readable
-from ..io.decoders import PictureFormat
+from ..io.decoders import EXR, JPEG, NPY, PNG, PictureFormat
 from ..io.linear_dng import linear_dng_scene
 from ..io.picture import gehler_shi_scene, picture_scene
 from ..io.scene import RGB, Scene, check_size, scene_channels
-from ..io.tiff import FORMATS, TIFF, opened_tiff
+from ..io.tiff import TIFF, opened_tiff
 from .drawn.builtin import builtin_scene
 from .drawn.charts import chart_scene
 
+# Whether what begins like a TIFF is a picture depends on more than its first bytes.
+SCENE_FORMATS = PNG, JPEG, EXR, NPY, TIFF
 # Built-in scenes: prefix, and the function that draws them at width x height.
 _DRAWN: dict[str, Callable[..., Scene]] = {"builtin:": builtin_scene, "chart:": chart_scene}
 # Even ones: prefix, and what each reads everywhere, in all channels. Less light makes flat frames
@@ -48,7 +51,7 @@ _NOTED = {
     "keywords": rb"<dc:subject|\x1c\x02[^\x1c]{2,300}\x1c\x02\x19\0"
     rb"|\x1c\x02\x19\0[^\x1c]{1,66}\x1c\x02",
 }
-ENDINGS = (*(ending for each in FORMATS for ending in each.endings), *_RAW_ENDINGS)
+ENDINGS = (*(ending for each in SCENE_FORMATS for ending in each.endings), *_RAW_ENDINGS)
 """Endings of the names of files that may be scenes: what is looked for in folders, but for what
 `set_aside` says.
 """
@@ -122,12 +125,14 @@ def named_file(file: File) -> Iterator[str]:
         return
     with opened_file(file, sys.maxsize, "a picture or a camera RAW") as stream:
         start = stream.read(16)
-        kinds = (kind for kind in FORMATS if re.match(kind.start, start, re.DOTALL))
+        kinds = (kind for kind in SCENE_FORMATS if re.match(kind.start, start, re.DOTALL))
         ending = next((kind.endings[0] for kind in kinds), "")
         name = Path(file_name(file)).name
         with TemporaryDirectory() as folder:
             path = Path(folder, name if Path(name).suffix else f"picture{ending}")
-            path.write_bytes(start + stream.read())
+            stream.seek(0)
+            with path.open("wb") as copy:
+                copyfileobj(stream, copy)
             yield str(path)
 
 
@@ -166,7 +171,7 @@ def file_kind(path: Path) -> tuple[PictureFormat | None, bool]:
     with opened_file(path, sys.maxsize, "a picture or a camera RAW") as file:
         start = file.read(16)
     suffix = path.suffix.lower()
-    kinds = (kind for kind in FORMATS if re.match(kind.start, start, re.DOTALL))
+    kinds = (kind for kind in SCENE_FORMATS if re.match(kind.start, start, re.DOTALL))
     kind, is_dng = next(kinds, None), False
     if kind is TIFF:
         is_shot, is_dng = _inspect_tiff(path)
