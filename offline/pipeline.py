@@ -118,7 +118,7 @@ def render(
         Makes the list of stages in rows; by default `row_stages`. One's own may add to that list,
         replace in it, or leave out.
     check_halos : bool, optional
-        Refuse stages of one's own that look farther than their halo; see `run_stages`.
+        Refuse stages of one's own that look farther than their halo.
 
     Raises
     ------
@@ -225,13 +225,12 @@ def clean_frame(
     """The samples of a single frame without what is wrong with them: defects, clipping.
 
     With shading the frame stays darker towards its corners, equally for all filters, so that noise
-    and saturation are those of the sensor everywhere; the stage `ShadingCorrection` makes the light
-    even at the end.
+    and saturation are those of the sensor everywhere; the last stage makes the light even.
 
     Raises
     ------
     InputError
-        For samples that are not in scene units (see `units`).
+        For samples that are not in scene units.
 
     Examples
     --------
@@ -370,10 +369,11 @@ def _make_stages(stages: Stages, measured: Frame, settings: RenderSettings) -> l
         raise InputError(f"stages made {type(made).__name__}, expected a list of stages")
     for stage in made:
         halo = getattr(stage, "halo", None)
-        if isinstance(stage, type) or not callable(stage) or not isinstance(halo, Halo):
+        if isinstance(stage, type) or not callable(stage) or halo is None:
             expected = "expected objects of classes derived from panchroma.offline.RowStage"
             raise InputError(f"stages made a list with {stage!r}, {expected}")
-        if not (halo.radius >= 0 and halo.alignment >= 1):
-            expected = "expected a radius of 0 or more, and an alignment of 1 or more"
-            raise InputError(f"the stage {stage.name!r} has {halo}, {expected}")
+        whole = isinstance(halo, Halo) and all(type(number) is int for number in halo)
+        if not whole or halo.radius < 0 or halo.alignment < 1:
+            expected = "expected offline.Halo, a radius of 0 or more, an alignment of 1 or more"
+            raise InputError(f"the stage {stage.name!r} has {halo!r}, {expected}")
     return list(made)

@@ -102,7 +102,8 @@ class CfaPattern:
             seen = "it is what panchromatic pixels see beyond the others"
             expected = f"expected two or more, of which one at most has no filter: {seen}"
             raise InputError(f"pattern: {both}; {expected}")
-        row_origin, column_origin = (int(value) % period for value in self.origin)
+        places = (whole("pattern: the origin", value) for value in self.origin)
+        row_origin, column_origin = (place % period for place in places)
         object.__setattr__(self, "origin", (row_origin, column_origin))
         self._check_sites()
 
@@ -136,8 +137,8 @@ class CfaPattern:
         Parameters
         ----------
         letters : str
-            Rows separated by "/", blanks or lines. A tile that is not square, or too small, is
-            repeated.
+            Rows separated by "/" or lines, in which blanks do not count, or else by blanks. A tile
+            that is not square, or too small, is repeated.
 
         Raises
         ------
@@ -152,7 +153,10 @@ class CfaPattern:
         >>> CfaPattern.of_letters("kodak").tile
         ('WBWG', 'BWGW', 'WGWR', 'GWRW')
         """
-        rows = "/".join((letters_of(letters) or letters).split()).split("/")
+        text = (letters_of(letters) or letters).strip()
+        rows = ["".join(row.split()) for row in re.split(r"/|\s*\n\s*", text)]
+        if len(rows) == 1:
+            rows = text.split() or rows
         suggestion = "" if PANCHROMATIC in "".join(rows) else meant(letters, TILES)
         if suggestion or not re.fullmatch("[A-Z]+", "".join(rows)):
             raise InputError(f"pattern: {letters!r} is not {EXPECTED}{suggestion}")

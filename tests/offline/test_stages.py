@@ -163,7 +163,7 @@ class NoStage:
 
 
 KIND = "expected objects of classes derived from panchroma.offline.RowStage"
-HALO = "the stage 'own' has .*, expected a radius of 0 or more, and an alignment of 1 or more"
+HALO = "the stage 'own' has .*, expected offline.Halo, a radius of 0 or more, an alignment of 1"
 
 
 @pytest.mark.parametrize(
@@ -172,7 +172,7 @@ HALO = "the stage 'own' has .*, expected a radius of 0 or more, and an alignment
         ([], "stages is list, expected a function"),
         (lambda *_: None, "stages made NoneType, expected a list"),
         *((lambda *_, item=item: [item], KIND) for item in (Own, NoStage(), None)),
-        *((lambda *_, halo=halo: [Own(same, *halo)], HALO) for halo in ((0, 0), (-1,))),
+        *((lambda *_, halo=halo: [Own(same, *halo)], HALO) for halo in ((0, 0), (-1,), (1.5,))),
     ],
 )
 def test_what_is_no_list_of_stages_is_refused(stages: Any, words: str) -> None:

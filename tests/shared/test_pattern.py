@@ -87,8 +87,15 @@ def test_all_named_channels_may_have_filters() -> None:
 
 def test_letters_make_square_tiles() -> None:
     assert CfaPattern.of_letters("RGW GBW WWW", (1, 2)) == CfaPattern.bayer(3, origin=(1, 2))
+    for letters in ("R G W/G B W/W W W", " R G W \n\n GBW\nWWW\n", "RGW\nGBW/WWW"):
+        assert CfaPattern.of_letters(letters) == CfaPattern.bayer(3)
     assert CfaPattern.of_letters("RG/BW").tile == ("RGRG", "BWBW") * 2
     assert CfaPattern.of_letters("CMWW/YWWW", channels="YMC").channels == "YMC"
+
+
+def test_an_origin_is_two_whole_numbers() -> None:
+    with pytest.raises(InputError, match=r"pattern: the origin is 1\.5, expected a whole number"):
+        CfaPattern.bayer(6, origin=(1.5, 0))  # type: ignore[arg-type]
 
 
 def test_scattered_sites_have_the_tile_for_a_block_others_the_rectangle_around_them() -> None:

@@ -135,9 +135,11 @@ def checked_reference(
     if reference is None:
         return None
     chosen, places = Path(reference).resolve(), [Path(name).resolve() for name in names]
-    if chosen not in places:
-        raise InputError(f"`reference` {reference}: is none of the shots")
-    return places.index(chosen)
+    if chosen in places:
+        return places.index(chosen)
+    if [place.name for place in places].count(str(reference)) != 1:
+        raise InputError(f"`reference` {reference}: is none of the shots, {names[0]} ...")
+    return [place.name for place in places].index(str(reference))
 
 
 @dataclass(frozen=True)

@@ -106,8 +106,10 @@ def check_light(mosaic: Mosaic, settings: "RenderSettings") -> None:
     saturated.
 
     Settings that restore luminance from the colour samples accept a frame until these are saturated
-    as well.
+    as well. Samples of floating point have no limit: see `offline.render`.
     """
+    if mosaic.samples.dtype.kind != "u":
+        return
     codes, calibration, restored = mosaic.codes, mosaic.calibration, settings.highlights.restored
 
     def panchromatic() -> Iterator[CodeArray]:

@@ -354,7 +354,8 @@ def conclude_colour(measured: Measurements) -> Finding:
         if not measured.lights:
             return Finding(missing="; ".join(faults))
         why = "no chart without clipped patches was found under the light"
-        return Finding(refusal="; ".join([f"{why} {' and '.join(missing)}", *faults]))
+        found = [f"{why} {' and '.join(missing)}", *faults, *measured.skipped]
+        return Finding(refusal="; ".join(found))
     best = [min(group, key=lambda chart: chart.fit.left_out.mean()) for group in charts.values()]
     kept = [light for light in two if len(lights) == 1 and light.illuminant not in lights]
     stored = replace(best[0].shot, name="the chart of the camera file")

@@ -174,7 +174,7 @@ def _mean_of_unclipped(frames: Sequence[Named]) -> tuple[DoubleArray, dict[str, 
         falloffs[name] = np.add.reduceat(strips, right, axis=1)
     if not falloffs:
         share, letter, name = min(clipped)
-        least = f"{name} is least so, in {100 * share:.2g} % of the samples of {letter}"
+        least = f"{name} is least so, in {100 * share:.3g} % of the samples of {letter}"
         remedy = "expose less, so that the brightest read about three quarters of full scale"
         raise InputError(f"flat frames: all are clipped; {least}; {remedy}")
     return total / len(falloffs), falloffs

@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure what is missing and write the page and the tables; returns the exit code."""
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
     outputs = [folder / f"evaluation.{ending}" for ending in ("html", "json", "csv", "svg")]
-    if not (arguments.overwrite or arguments.resume or arguments.dry_run):
+    if not (arguments.overwrite or arguments.resume):
         refuse_existing(outputs)
     team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
     study, failures = _study(arguments, console, team)

@@ -112,7 +112,7 @@ def _loaded(source: str, reading: Reading) -> Scene:
     rows, columns = (_kept(size, reading.largest) for size in scene.shape)
     rgb = np.ascontiguousarray(scene.rgb[rows, columns])
     if min(rgb.shape[:2]) < _LEAST_SIDE:
-        size = f"{scene.shape[1]} x {scene.shape[0]} pixels"
+        size = f"{rgb.shape[1]} x {rgb.shape[0]} pixels"
         least = f"{_LEAST_SIDE} each way at least, also of `crop`, for one patch within the border"
         raise InputError(f"{size} are too few: {least}")
     return replace(scene, rgb=rgb)

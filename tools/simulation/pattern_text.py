@@ -14,8 +14,8 @@ from ...shared.pattern import PERIODS, CfaPattern
 from ...shared.reading import File, naming, read_text
 from ...shared.tiles import EXPECTED, TILES, letters_of
 
-_PATTERN_LETTERS = re.compile("[A-Z/]+")
-_MOST_LETTERS = PERIODS[-1] * (PERIODS[-1] + 1)  # with what parts the rows
+_PATTERN_LETTERS = re.compile(r"[A-Z/\s]+")
+_MOST_LETTERS = 2 * PERIODS[-1] * (PERIODS[-1] + 1)  # with what parts the letters, and the rows
 _LARGEST_FILE = 1 << 16  # bytes, with its comments
 
 
@@ -48,7 +48,7 @@ def read_pattern(text: str) -> CfaPattern:
             raise InputError(f"{len(letters)} letters are more than {most}")
         return CfaPattern.of_letters(letters)
     except InputError as error:
-        name = text if is_file else f"`pattern` {text[:_MOST_LETTERS]!r}"
+        name = text if is_file else f"`pattern` {text[: _MOST_LETTERS // 2]!r}"
         raise InputError(f"{name}: {str(error).removeprefix('pattern: ')}") from None
 
 
@@ -79,10 +79,7 @@ def camera_and_pattern(
     if isinstance(pattern, CfaPattern):
         tile = pattern
     elif pattern is not None:
-        text = pattern if isinstance(pattern, str) else f"K={pattern}"
-        if not os.path.exists(text):  # noqa: PTH110 (as above)
-            text = "/".join(text.split())
-        tile = read_pattern(text)
+        tile = read_pattern(pattern if isinstance(pattern, str) else f"K={pattern}")
         if known:
             with suppress(InputError):  # a camera of another pattern is refused below
                 tile = replace(tile, channels=known.calibration.channels)

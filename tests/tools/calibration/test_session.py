@@ -15,7 +15,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from panchroma.shared import Camera, CaptureMetadata, CfaPattern, Mosaic, NoiseModel
+from panchroma.shared import (
+    Camera,
+    CaptureMetadata,
+    CfaPattern,
+    Mosaic,
+    NoiseModel,
+    SensorCalibration,
+)
 from panchroma.shared.arrays import DoubleArray
 from panchroma.shared.errors import InputError
 from panchroma.tools.batch.console import Console
@@ -23,6 +30,7 @@ from panchroma.tools.calibration.conclude import Result, conclude
 from panchroma.tools.calibration.files import KINDS, check_same
 from panchroma.tools.calibration.gamma import GammaFit
 from panchroma.tools.calibration.measure import Measurements, Session, measure_chart
+from panchroma.tools.calibration.places import plateau
 from tests.scenes import darker_corners
 from tests.tools.calibration.known_camera import (
     BLIND,
@@ -349,6 +357,13 @@ def test_a_sensor_that_saturates_below_its_white_level_is_told_once() -> None:
     (line,) = seen.remarks
     assert line.startswith("chart0.dng: 1.")
     assert "the sensor saturates there, and not at the white level, " in line
+
+
+def test_a_black_border_is_no_saturation() -> None:
+    codes = np.random.default_rng(0).integers(20000, 60000, (120, 180)).astype(np.uint16)
+    codes[:12] = 0
+    calibration = SensorCalibration.of_bits(16, headroom=False, black_level=(0,) * 4)
+    assert plateau(Mosaic(codes, CfaPattern.bayer(6), calibration))[1] == 0
 
 
 @pytest.mark.parametrize("gain", [0.5, 1.0, 1.6, 4.0])

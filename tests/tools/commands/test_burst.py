@@ -12,7 +12,15 @@ import tifffile
 
 from panchroma.offline import PRESETS, render
 from panchroma.offline.burst import merge_burst, render_burst_bands
-from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng
+from panchroma.shared import (
+    CaptureMetadata,
+    CfaPattern,
+    InputError,
+    Mosaic,
+    SensorCalibration,
+    read_dng,
+)
+from panchroma.tools.batch.burst_files import checked_reference
 from panchroma.tools.evaluation.metrics import psnr
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.sensor import simulate_additive, simulate_sensor
@@ -74,6 +82,13 @@ def test_the_picture_is_the_librarys_and_fates_of_frames_are_told(frames: Path, 
         assert (fate["source"], fate["used"], fate["reason"]) == (name, True, "")
         assert (fate["down"], fate["right"]) == pytest.approx(judged.motion.shift, abs=1e-3)
         assert fate["gain"] == pytest.approx(1, abs=0.02)
+
+
+def test_a_reference_is_named_by_its_path_or_by_the_name_of_its_file() -> None:
+    names = ["a/1.dng", "a/2.dng", "b/2.dng"]
+    assert [checked_reference(names, name, ()) for name in ("b/2.dng", "1.dng")] == [2, 0]
+    with pytest.raises(InputError, match=r"`reference` 2\.dng: is none of the shots, a/1\.dng"):
+        checked_reference(names, "2.dng", ())
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,15 @@ import pytest
 from PIL import Image
 
 import panchroma
-from panchroma.shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading
+from panchroma.shared import (
+    Camera,
+    CaptureMetadata,
+    CfaPattern,
+    InputError,
+    Mosaic,
+    SensorCalibration,
+    Shading,
+)
 from panchroma.tools.cli import spelled
 from panchroma.tools.io.colour import decode_srgb
 from panchroma.tools.io.kind import PictureKind
@@ -231,6 +239,18 @@ def test_figures_fall_with_the_light() -> None:
     assert ours[0] > ours[1] > ours[2]
     again = panchroma.simulate(shot.truth)  # its white is as dark as it
     assert again.truth.white == light
+
+
+def test_floating_point_has_no_white_level_and_so_no_saturation() -> None:
+    light, pattern = np.full((48, 60), 30.0), CfaPattern.bayer(6)
+    shot = panchroma.Shot(Mosaic(light, pattern, SensorCalibration.of_bits(12)))
+    assert panchroma.render(shot, preset="paper").rgb.mean() == pytest.approx(10, rel=0.5)
+
+
+def test_a_chart_under_two_lights_says_that_it_is_one_shot() -> None:
+    chart = panchroma.simulate("chart:480x360", light=1)
+    with pytest.raises(InputError, match=r"no chart .* under the light D65; .*the same shot as"):
+        panchroma.calibrate(chart_light={"A": chart, "D65": chart})
 
 
 def test_a_note_is_logged_once_in_a_run(caplog: pytest.LogCaptureFixture) -> None:

@@ -91,7 +91,8 @@ def _check_size(place: ChartPlace, mosaic: Mosaic) -> None:
     """Raise InputError if the chart is so small that its patches hold too few colour blocks."""
     period = mosaic.pattern.period
     if place.pitch < (needed := least_pitch(period)):
-        far = f"its patches are {place.pitch:.0f} pixels apart, and period {period} needs {needed}"
+        apart = np.floor(10 * place.pitch) / 10
+        far = f"its patches are {apart:g} pixels apart, and period {period} needs {needed}"
         remedy = f"go nearer, so that the chart is at least {needed * COLUMNS} pixels wide"
         raise InputError(f"the chart is too small: {far}; {remedy}")
 

@@ -16,11 +16,14 @@ computes the colours of all others. ::
     shot = panchroma.open("house.dng")      # ... and back
 
 Samples of your own sensor are an array of codes (rows, columns), described by its filters and its
-levels. A calibration (panchroma.calibrate, or camera.json) says more than the bits alone::
+levels: without these colours are wrong. A calibration (panchroma.calibrate, or camera.json) says
+more::
 
     from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 
-    mosaic = Mosaic(codes, CfaPattern.of_letters("kodak"), SensorCalibration.of_bits(12))
+    # 12 bits, black 64, white 4095: as the data sheet says, or a dark frame and a clipped one
+    levels = SensorCalibration.of_bits(12, headroom=False, black_level=(64, 64, 64, 64))
+    mosaic = Mosaic(codes, CfaPattern.of_letters("kodak"), levels)
     picture = panchroma.render(panchroma.Shot(mosaic))
 
 What each returns:

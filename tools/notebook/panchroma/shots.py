@@ -57,12 +57,13 @@ class Shot:
     >>> panchroma.open("shot.dng")
     <Shot shot: 120 x 90, R, G, B in 4 of 6 x 6 pixels>
 
-    Samples of your own sensor, 12 bits behind the paper's pattern:
+    Samples of your own sensor: 12 bits behind the paper's pattern, black 64 and white 4095:
 
     >>> import numpy as np
     >>> from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
     >>> codes = np.full((60, 80), 1000, np.uint16)
-    >>> mosaic = Mosaic(codes, CfaPattern.bayer(period=6), SensorCalibration.of_bits(12))
+    >>> levels = SensorCalibration.of_bits(12, headroom=False, black_level=(64, 64, 64, 64))
+    >>> mosaic = Mosaic(codes, CfaPattern.bayer(period=6), levels)
     >>> panchroma.render(panchroma.Shot(mosaic))
     <Picture 80 x 60, linear R, G, B>
     """
@@ -99,6 +100,9 @@ class Shot:
 
     def save(self, path: File, *, overwrite: bool = False) -> None:
         """Write the shot with its preview as a DNG, which `open` reads.
+
+        Samples of floating point become codes of the calibration: they are rounded, and end at its
+        highest code.
 
         Parameters
         ----------
