@@ -1,20 +1,17 @@
-"""The folder of a camera's shots: unique file names, and a link to the latest shot."""
+"""The folder of a camera's shots, with unique file names."""
 
-import errno
-import os
 import re
-import stat
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
 from typing import BinaryIO
 
-from ...shared import ByteArray, InputError, Mosaic, OutputError
+from ...shared import ByteArray, Mosaic, OutputError
 from ...shared.dng import encode_dng
 from ...shared.series import frame_name
-from ...shared.writing import durable_file, partial_path, sweep
+from ...shared.writing import durable_file
 
 _NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(\d{6,})(-\d+)?\.dng")
 
@@ -35,13 +32,9 @@ class ShotFolder:
     ----------
     folder : Path
         An existing folder; also the attribute `path`.
-    latest : Path | None, optional
-        A symbolic link that always points to a whole file, the one saved last; None = no link.
 
     Raises
     ------
-    InputError
-        When `latest` exists and is not a link, or can be none.
     OutputError
         When the folder cannot be listed.
 
@@ -60,12 +53,8 @@ class ShotFolder:
     '20261127T101500.000Z-000001.dng'
     """
 
-    def __init__(self, folder: Path, latest: Path | None = None) -> None:
+    def __init__(self, folder: Path) -> None:
         self.path = folder
-        self._latest = latest
-        if latest is not None:
-            _check_link(latest)
-            sweep(latest.parent)
         try:
             names = [_NAME.fullmatch(path.name) for path in folder.iterdir()]
         except OSError as error:
@@ -120,14 +109,11 @@ class ShotFolder:
             paths = [self.path / f"{stem}{ending}.dng" for ending in endings]
             try:
                 _write_together(paths, frames())
-                break
+                return paths
             except OutputError as error:
                 # another camera saves in the same folder
                 if not isinstance(error.__cause__, FileExistsError):
                     raise
-        if self._latest is not None:
-            _point(self._latest, paths[-1])
-        return paths
 
 
 def _write_together(paths: Sequence[Path], frames: Iterable[tuple[Mosaic, ByteArray]]) -> None:
@@ -152,36 +138,3 @@ def _noted_file(path: Path, named: list[Path]) -> Iterator[BinaryIO]:
     with durable_file(path) as file:
         yield file
     named.append(path)
-
-
-def _check_link(link: Path) -> None:
-    why = "exists and is no link; choose another name for the link to the latest shot"
-    try:
-        if not link.parent.is_dir():
-            why = "there is no such folder for the link to the latest shot"
-        elif stat.S_ISLNK(link.lstat().st_mode):
-            return
-    except FileNotFoundError:
-        return
-    except (OSError, ValueError) as error:  # ValueError: a null character
-        reason = getattr(error, "strerror", None) or error
-        why = f"cannot be the name of the link to the latest shot ({reason})"
-    raise InputError(f"{link}: {why}")
-
-
-def _point(link: Path, path: Path) -> None:
-    """Point `link` to `path` atomically: at no moment is the link missing or broken."""
-    partial = partial_path(link)
-    try:
-        # Relative, so that link and shots can be moved together, and mounted elsewhere.
-        partial.symlink_to(os.path.relpath(path.resolve(), link.parent.resolve()))
-        partial.replace(link)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        if error.errno in (errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP):
-            reason = "this file system has no symbolic links; omit the link, or put it elsewhere"
-        why = f"the link to the latest shot cannot be made: {reason}"
-        raise OutputError(f"{link}: {why}") from error
-    finally:
-        with suppress(OSError):
-            partial.unlink()

@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frames", metavar="N", type=count, help=shots)
     burst = "save one burst of N frames, all or none, and stop"
     parser.add_argument("--burst", metavar="N", type=count, help=burst)
-    add(parser, "latest", "json")
+    add(parser, "json")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     source, burst = source_of(arguments), arguments.burst
     if burst:
         _check_limits(burst, source)
-    shots = ShotFolder(output_folder(arguments.output), arguments.latest)
+    shots = ShotFolder(output_folder(arguments.output))
     to = source.sensor, preview_maker(source.sensor), shots
     console.note(*source.notes)
     saved = failed = 0

@@ -117,7 +117,6 @@ _SIGMA = "additive Gaussian noise: its standard deviation, scene units"
 _LIGHT = "shot and read noise: amount of light, 1 is a full exposure, 2 is one stop more"
 _LINEAR = "take the values of pictures as linear light, whatever the files say"
 _QUALITY = "quality of a JPEG, 1 (small) to 100 (default: 95)"
-_LATEST = "keep a symbolic link with this name to the latest shot"
 SCALE = "sensor pixels per picture pixel, in each direction; must divide the period"
 _MEMORY = "memory for all processes together, for example 4G (default: most of the free memory)"
 SENSOR_BITS = f"bits that the sensor delivers, {BITS[0]} to {BITS[-1]}"
@@ -139,7 +138,6 @@ _SHARED = {
     "seed": _option("--seed", "N", "seed of the noise (default: 0)", type=natural, default=0),
     "quality": _option("--quality", "N", _QUALITY, type=int),
     "scale": _option("--scale", "N", SCALE, type=int),
-    "latest": _option("--latest", "LINK", _LATEST, type=Path),
     "jobs": _option("-j --jobs", "N", "processes at a time", type=count),
     "max-memory": _option("--max-memory", "SIZE", _MEMORY, type=_size),
 }

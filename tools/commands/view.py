@@ -59,17 +59,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     others = "beside its addresses and own names, or that of a proxy"
     own = f"name of this machine that browsers may ask for, {others}; repeat it for more"
     parser.add_argument("--host", metavar="NAME", type=_host, action="append", default=[], help=own)
-    add(parser, "scale", "latest")
+    add(parser, "scale")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Serve the page until the source ends or the user does; returns the exit code."""
-    if arguments.latest and arguments.output is None:
-        raise InputError("--latest needs -o DIR: without a folder there are no shots")
     source = source_of(arguments)
     sensor, scale, shots = source.sensor, arguments.scale, None
     if arguments.output is not None:
-        shots = ShotFolder(output_folder(arguments.output), arguments.latest)
+        shots = ShotFolder(output_folder(arguments.output))
     if scale is None:
         scale = fitting_scale(sensor.layout.width, sensor.pattern)
     preview = preview_maker(sensor, scale)

@@ -8,12 +8,11 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Any
-from unittest.mock import Mock
 
 import pytest
 
 from panchroma.device.capture.shots import ShotFolder
-from panchroma.shared import ByteArray, InputError, Mosaic, OutputError, read_dng, writing
+from panchroma.shared import ByteArray, Mosaic, OutputError, read_dng, writing
 from tests.shared.dng.examples import mosaic, preview, same
 
 TAKEN = datetime(2026, 3, 9, 7, 5, 1, 20900, tzinfo=UTC)
@@ -119,54 +118,6 @@ def test_a_burst_that_has_its_first_frame_is_whole_after_the_program_was_killed(
     assert names(tmp_path) == [f"{stem}-{number}.dng" for number in range(5 - links, 5)]
 
 
-def test_the_link_leads_to_the_latest_from_anywhere(tmp_path: Path) -> None:
-    """Where its folder is a link itself, too, and after all of them are moved."""
-    shots, elsewhere, short = (tmp_path / name for name in ("deep/shots", "links", "short"))
-    shots.mkdir(parents=True)
-    elsewhere.mkdir()
-    short.symlink_to("deep/shots")
-    for folder, link in ((shots, elsewhere / "latest.dng"), (tmp_path, short / "latest.dng")):
-        saving = ShotFolder(folder, link)
-        assert not link.exists()
-        for _ in range(2):
-            path = save(saving)
-            assert link.resolve() == path.resolve()
-        assert not link.readlink().is_absolute()
-    assert names(elsewhere) == ["latest.dng"]
-    tmp_path.rename(moved := tmp_path.with_name(tmp_path.name + "-moved"))
-    assert same(read_dng(moved / "links" / "latest.dng"), mosaic())
-    moved.rename(tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("method", "error", "words"),
-    [
-        ("replace", OSError(errno.EIO, "Input/output error"), "cannot be made: Input/output error"),
-        ("symlink_to", OSError(errno.EPERM, ""), "cannot be made: .* has no symbolic links"),
-    ],
-)
-def test_an_old_link_stays_until_there_is_a_new_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str, error: OSError, words: str
-) -> None:
-    link = tmp_path / "latest.dng"
-    link.symlink_to("gone.dng")  # a broken link is a link
-    shots = ShotFolder(tmp_path, link)
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, method, Mock(side_effect=error))
-        with pytest.raises(OutputError, match=rf"latest\.dng: the link to the latest shot {words}"):
-            save(shots)
-    assert link.readlink() == Path("gone.dng")
-    assert names(tmp_path) == ["20260309T070501.020Z-000001.dng", "latest.dng"]
-    save(shots)
-    assert link.readlink() == Path("20260309T070501.020Z-000002.dng")
-
-
-@pytest.mark.parametrize("name", ["file", "folder", "x" * 300, "x/" * 3000, "missing/link"])
-def test_what_can_be_no_link_is_told_before_a_shot(tmp_path: Path, name: str) -> None:
-    (tmp_path / "file").touch()
-    (tmp_path / "folder").mkdir()
-    words = "exists and is no link" if name in ("file", "folder") else "the link to the latest shot"
-    with pytest.raises(InputError, match=words):
-        ShotFolder(tmp_path, tmp_path / name)
+def test_a_folder_that_is_not_there_is_told_before_a_shot(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=re.escape(str(tmp_path / "missing"))):
         ShotFolder(tmp_path / "missing")

@@ -83,17 +83,15 @@ def frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "frames"
 
 
-def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
-    latest = tmp_path / "latest"
+def test_a_stream_becomes_shots(out: Path) -> None:
     data = b"".join(map(frame, range(3)))
-    done = from_recording(data, "-o", out, LAYOUT, "--json --latest", latest, code=0)
+    done = from_recording(data, "-o", out, LAYOUT, "--json", code=0)
     assert [record["output"] for record in done.records] == [str(path) for path in shots(out)]
     for record in done.records:
         assert (record["ok"], record["dropped"]) == (True, 0)
         assert min(record["preview_ms"], record["write_ms"]) > 0
     assert codes(out) == [random_codes(SIZE, 12, seed).tobytes() for seed in range(3)]
     assert {read_dng(path).calibration for path in shots(out)} == {CALIBRATION}
-    assert latest.resolve() == shots(out)[-1]
     levels = "black level 256 and white level 4095 are taken"
     assert f"no --camera: {levels}, and the white balance is estimated\n" in done.err
     assert done.err.endswith("\n3 saved, 0 dropped\n")

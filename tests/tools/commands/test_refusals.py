@@ -96,7 +96,6 @@ USAGE = {
         "--burst 2 --frames 2": "--frames does not go with --burst",
         "--black 0": "--black does not go with builtin:64x48@9",
         "--gain 3": "--gain does not go with builtin:64x48@9",
-        "--latest .": "exists and is no link",
         "--camera six.json --pattern K=8": "six.json: the pattern is RGB period 8",
     },
     "capture -o out": {
@@ -110,7 +109,6 @@ USAGE = {
         "--black 16 --camera camera.json": "--black does not go with --camera",
     },
     "view builtin:64x48@9": {
-        "--latest latest": "--latest needs -o DIR",
         "--bind camera": "'camera' is not the address",
         "--bind 127.0.0.1:http": "argument --bind: '127.0.0.1:http' is not an address and a port",
         "--host https://a.example": "is not a name such as camera.example.org",
