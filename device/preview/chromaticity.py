@@ -18,6 +18,10 @@ other.
 # 0.03.
 _PRIOR = 0.5
 """Multiple of the noise variance in Eqs. 8-9, which pulls a dark block towards grey."""
+_STROKES_PRIOR = 0.05
+"""Multiple of the change of luminance around a block, beyond its noise, that likewise pulls it
+towards grey: its sites lie beside a stroke, or on it. Chosen on photographs and on white print.
+"""
 _POOLING = 3e-4
 """Squared ratio of error to signal of a block at which half of its chromaticity comes from the
 blocks around it.
@@ -74,8 +78,9 @@ def estimate_ratios(g: PatternGraph, blocks: Blocks) -> str:
         slope = g("Div", 1 / (last - first), g.full_scale)
         return g("Add", g("Mul", level, slope), -first / (last - first))
 
-    beyond = above(luminance)
-    filled = g("Add", filled, g("Mul", g("Relu", gap), g("Clip", beyond, 0.0, 1.0)))
+    # A block may be dark on the mean, and its samples lie beside saturated ones.
+    beyond = g("Clip", above(g("Max", *g.split(filled, [1] * len(channels), axis=0))), 0.0, 1.0)
+    filled = g("Add", filled, g("Mul", g("Relu", gap), beyond))
 
     def of_channels(products: str) -> str:
         if counts == [1] * g.channels:
@@ -87,6 +92,8 @@ def estimate_ratios(g: PatternGraph, blocks: Blocks) -> str:
         return g("Concat", *ratios, axis=0)
 
     variance = g("Max", g("Mul", g.variance(luminance), _PRIOR), _LEAST_VARIANCE)
+    misread = g("Mul", strokes_around(g, blocks), g("Sub", 1.0, beyond))
+    variance = g("Add", variance, g("Mul", misread, _STROKES_PRIOR))
     grey = g("Div", g.gamma, g.total(g.gamma, g.channels, axis=0))
     a = g("Add", of_channels(g("Mul", filled, filled)), variance)
     ratios = g("Div", g("Add", of_channels(g("Mul", filled, samples)), g("Mul", variance, grey)), a)
@@ -99,9 +106,15 @@ def estimate_ratios(g: PatternGraph, blocks: Blocks) -> str:
     # panchromatic pixels, would make it negative.
     ratios = g("Relu", ratios)
     ratios = g("Div", ratios, g.total(ratios, g.channels, axis=0))
-    brightest = g("Max", *g.split(blocks.filled, [1] * len(channels), axis=0))
-    saturated = g("Clip", above(brightest), 0.0, 1.0)
-    return g("Add", ratios, g("Mul", saturated, g("Sub", grey, ratios)))
+    return g("Add", ratios, g("Mul", beyond, g("Sub", grey, ratios)))
+
+
+def strokes_around(g: PatternGraph, blocks: Blocks) -> str:
+    """The change of luminance around each block beyond what noise alone makes of it (see
+    `fill_holes`), codes^2, (1, blocks).
+    """
+    by_noise = g("Mul", g("Add", g.still, g("Mul", g.variance(blocks.luminance), 2.0)), 2.0)
+    return g("Relu", g("Sub", blocks.change, by_noise))
 
 
 def pool(g: PatternGraph, ratios: str, blocks: Blocks) -> tuple[str, str, str]:
@@ -125,9 +138,7 @@ def pool(g: PatternGraph, ratios: str, blocks: Blocks) -> tuple[str, str, str]:
     luminance = g("Max", blocks.luminance, g.floor)
     power = g("Mul", luminance, luminance)
     colours = g("Mul", ratios, luminance)  # of two similar blocks the brighter one has less noise
-    # What noise alone adds to both squared differences is no stroke (see `fill_holes`).
-    by_noise = g("Mul", g("Add", g.still, g("Mul", variance, 2.0)), 2.0)
-    strokes = g("Relu", g("Sub", blocks.change, by_noise))
+    strokes = strokes_around(g, blocks)
     alike = g("Add", g("Mul", power, _ALIKE), g("Mul", variance, _ALIKE_NOISE))
     alike = g("Add", alike, g("Mul", strokes, _ALIKE_STROKES))
     sure = g("Div", power, g("Add", power, g("Mul", strokes, _STROKES)))
@@ -199,9 +210,7 @@ def propagate(
         for right in (0, 1):
             near = np.outer(place if down else 1 - place, place if right else 1 - place) ** _SPREAD
             ends = [END if down else -1, END if right else -1]
-            level, most, block = (
-                g("Slice", plane, [down, right], ends, [1, 2]) for plane in planes
-            )
+            level, most, block = (g("Slice", one, [down, right], ends, [1, 2]) for one in planes)
             apart = g("Sub", coarse, level)
             weight = g("Div", most, g("Add", g("Mul", apart, apart), most))
             weights.append(

@@ -20,7 +20,7 @@ from .nodes import FLOAT, UINT8, UINT16, Shape, Variable
 from .pattern_graph import PatternGraph
 from .picture import burnt_out, display, in_picture_units, interleave
 
-BUILDER = "14"
+BUILDER = "15"
 """Version of the builder, stored in the graph; increase it whenever the bytes of a graph change, or
 pictures of `Preview`.
 """

@@ -27,7 +27,7 @@ from tests.reference.compare import assert_close
 
 # --- graph ----------------------------------------------------------------------------------------
 
-DIGEST = "4692a89734a5a4470b52cdc98bf5d96a3f78456f328065fafbf5fd22cdabde42"
+DIGEST = "af3402eb85c8d8cd9bc6a28f1e75d8f5ca19d1d7a2598422d6e53955e72dc019"
 """Of the graphs of CASES."""
 CALIBRATION = SensorCalibration(
     gamma=(0.9, 1.1, 0.8),
