@@ -22,16 +22,15 @@ import numpy as np
 from ...shared import CfaPattern, CodeArray, DoubleArray, InputError, SensorCalibration
 from ...shared.arrays import BoolArray, ByteArray
 from .bits import contradiction, has_gap, open_bits
-from .frames import RawFrame, Sensor
+from .frames import FrameError, RawFrame, Sensor
 from .windows import FEWEST_WINDOWS, Windows
 
 _OPEN = "the frame does not show whether {}; the next frames are looked at"
 _GREENS = "the greens are on the right diagonal (it has little colour)"
 _COLOUR_SITES = "each colour is where `pattern` says (it has little colour)"
-_SLIPPED = (
-    "the frame does not show the filters where those before it did: the stream has lost or "
-    "gained bytes; start the camera again. If it has not, add `unchecked`"
-)
+_SLIPPED = "the frame does not show the filters where those before it did: {}, add `unchecked`"
+_LOST = "the stream has lost or gained bytes; start the camera again. If it has not"
+_ODD = "it is of another camera, or its file is damaged; leave it out. If it is right"
 
 # frames that confirm the description; the second shows that the first has as many rows as described
 _ENOUGH = 2
@@ -73,10 +72,6 @@ _UNLIKE_FILTERS = 3.0
 _SCENE = 1 / 8
 _IMBALANCE = 0.03  # of their level by which sites of one channel may differ
 _SURE_ENERGY = 5.0  # standard errors of an energy
-
-
-class FrameError(InputError):
-    """A frame is not as described; frames before it may not be either."""
 
 
 class SlippedError(FrameError):
@@ -131,7 +126,7 @@ class _Check:
         most = min(self._layout.width, self._layout.height)
         self._side = min(max(_SIDE, _PERIODS * self._pattern.period), most)  # of a window, pixels
         self._confirmed = 0
-        self._has_colours = False
+        self._has_colours = self._tells_colours = False
 
     def look(self, frame: RawFrame) -> bool:
         """Return whether the frame shows what is described after others have, and note what it
@@ -139,7 +134,7 @@ class _Check:
 
         Raises FrameError if the frame contradicts the description.
         """
-        is_known = self._confirmed >= _ENOUGH
+        is_known, self._tells_colours = self._confirmed >= _ENOUGH, not self._pattern.is_scattered
         # whoever reads it says so
         if is_known and len(frame.data) != self._layout.frame_bytes:
             return False
@@ -147,7 +142,7 @@ class _Check:
         if shown and self._confirmed and not is_known:
             self._later(frame)  # most of it may lie before what slipped
         self._confirmed += shown
-        return shown and is_known
+        return shown and is_known and self._tells_colours
 
     def _first(self, frame: RawFrame) -> bool:
         """Return whether all of a frame shows the pattern, and note what it leaves open."""
@@ -192,7 +187,7 @@ class _Check:
             has_its_bits = codes.max() >> bits == 0 and not has_gap(codes, layout)
             is_alike = shown is None and not lacks_filters(windows, self._sensor)
             if not (has_its_bits and (shown or is_alike)):
-                raise SlippedError(_SLIPPED)
+                raise SlippedError(_SLIPPED.format(_ODD if frame.source else _LOST))
             if shown:
                 self._look_at_colours(frame, windows)
                 return True
@@ -203,8 +198,9 @@ class _Check:
         if self._has_colours and not self._pattern.is_scattered:
             return
         coloured = shows_colours(windows, self._sensor)
+        self._tells_colours |= coloured is True
         if coloured is False and self._has_colours:
-            raise SlippedError(_SLIPPED)
+            raise SlippedError(_SLIPPED.format(_ODD if frame.source else _LOST))
         if coloured is False:  # until a frame shows them they may as well be described wrongly
             greens = "the two greens of a block lie on the other diagonal"
             scattered = "its colours are at other sites of the tile"

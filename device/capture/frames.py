@@ -36,6 +36,10 @@ _SPARE = 2
 _STRIP = 32  # rows unpacked at a time; they fit into the cache
 
 
+class FrameError(InputError):
+    """A frame is not as described, or cut off; frames before it may not be right either."""
+
+
 @dataclass(frozen=True)
 class _Packing:
     """A group of `pixels` samples of `bits` bits, in whole bytes.
@@ -448,6 +452,6 @@ def read_frames(stream: RawIOBase, layout: FrameLayout) -> Iterator[RawFrame]:
             discard = "discard the shots of this stream"
             advice = f"All its bytes are whole frames with {likely}: {discard}"
         place = f"{filled} bytes after {count} whole ones; {layout.size}. {advice}"
-        raise InputError(f"the stream ended in the middle of a frame, {place}")
+        raise FrameError(f"the stream ended in the middle of a frame, {place}")
     if not count:
         raise InputError("the stream ended before the first frame: did the camera start?")

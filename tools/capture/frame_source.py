@@ -16,9 +16,9 @@ from typing import Any, cast
 
 from ...device import Preview
 from ...device.capture import FrameLayout, PreviewMaker, RawFrame, Sensor, read_frames
-from ...device.capture.frame_check import FrameError, checked
+from ...device.capture.frame_check import checked
 from ...device.capture.frame_folder import watch_folder
-from ...device.capture.frames import FORMATS, Bytes, format_named
+from ...device.capture.frames import FORMATS, Bytes, FrameError, format_named
 from ...shared import ByteArray, Camera, CfaPattern, InputError, SensorCalibration
 from ...shared.reading import naming, opened_file
 from ..simulation.simulated_camera import built_in_sensor, moving_scene, usual_gamma

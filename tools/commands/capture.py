@@ -94,7 +94,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                 facts = {"preview_ms": round(preview, 1), "write_ms": round(write, 1)}
                 facts["dropped"] = dropped
                 console.record(source=arguments.source, ok=True, output=str(shot.path), **facts)
-                if saved == arguments.frames or stopping():
+                if saved == arguments.frames or (stopping() and not burst):
                     break
             else:
                 if arguments.frames and not stopping():

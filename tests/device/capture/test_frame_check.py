@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from panchroma.device.capture import Sensor
-from panchroma.device.capture.frame_check import FrameError, SlippedError, checked
-from panchroma.device.capture.frames import FORMATS, FrameLayout, RawFrame
+from panchroma.device.capture.frame_check import SlippedError, checked
+from panchroma.device.capture.frames import FORMATS, FrameError, FrameLayout, RawFrame
 from panchroma.shared import CfaPattern, CodeArray, FloatArray, InputError, SensorCalibration
 from panchroma.tools.simulation.sensor import simulate_additive
 from tests.device.packer import pack, random_codes

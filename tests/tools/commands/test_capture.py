@@ -24,6 +24,7 @@ from panchroma.device.capture import frame_folder
 from panchroma.device.capture.frames import FrameLayout
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
 from panchroma.shared.arrays import ByteArray, FloatArray
+from panchroma.tools.batch.signals import Stopping
 from panchroma.tools.commands import capture as capture_command
 from panchroma.tools.simulation.drawn.builtin import builtin_scene
 from panchroma.tools.simulation.sensor import simulate_additive
@@ -203,6 +204,14 @@ def test_a_burst_is_saved_under_one_name_however_fast_it_comes(out: Path) -> Non
     assert codes(out) == [random_codes(SIZE, 12, seed).tobytes() for seed in range(12)]
 
 
+def test_all_frames_of_a_burst_are_reported_whatever_ends_the_program(
+    out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Stopping, "__call__", lambda self: bool(shots(out)))
+    done = from_recording(b"".join(map(frame, range(5))), "-o", out, LAYOUT, "--burst 5 --json")
+    assert [record["output"] for record in done.records] == [str(path) for path in shots(out)]
+
+
 def test_a_burst_of_too_many_files_is_refused(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = resource.getrlimit
     limits = {resource.RLIMIT_NOFILE: (256, 4096)}
@@ -263,3 +272,9 @@ def test_a_file_that_is_not_like_those_before_it_is_refused_alone(out: Path, fra
     done = run(frames, "-o", out, MOVING, "--frames 4", code=1)
     assert codes(out) == [unpacked(frame) for frame in scene]
     assert done.errors[0].startswith(f"panchroma: {frames}/3.raw: the frame does not show")
+    assert "it is of another camera, or its file is damaged; leave it out" in done.errors[0]
+
+
+def test_a_stream_that_is_cut_off_names_the_shots_that_may_be_wrong(out: Path) -> None:
+    done = from_recording(b"".join(moving(5))[:-LINE], "-o", out, MOVING, code=1)
+    assert f"\n{shots(out)[-1]} and later shots may be wrong; all shots before it" in done.err
