@@ -269,9 +269,7 @@ def transmission(luminance: Floats2, period: int, filters: Filters) -> FloatArra
 
 
 @kernel
-def _add_energy(
-    luminance: Floats1, width: int, smooth: Floats1, slope: Floats1, energy: Floats2
-) -> None:
+def _add_energy(lit: Floats1, width: int, smooth: Floats1, slope: Floats1, energy: Floats2) -> None:
     """Add |G_hs * l|^2 and |G_vs * l|^2 of some rows; these follow each other without a gap,
     columns too many have no meaning.
 
@@ -281,7 +279,7 @@ def _add_energy(
     smoothed, sloped = zeros(count + 2 * reach), zeros(count + 2 * reach)
     across, down = zeros(count), zeros(count)
     for step in range(reach + 1):
-        above, below = luminance[(reach - step) * width :], luminance[(reach + step) * width :]
+        above, below = lit[(reach - step) * width :], lit[(reach + step) * width :]
         weight, rise = smooth[step], slope[step]
         if weight == _ZERO:  # beyond the end of a smaller scale
             break

@@ -272,9 +272,7 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, shrinkage: 
 
 
 @kernel
-def _down(
-    plane: Floats2, row: int, size: int, transform: Floats2, folded: Floats2, out: Floats2
-) -> None:
+def _down(plane: Floats2, row: int, size: int, dct: Floats2, folded: Floats2, out: Floats2) -> None:
     """Compute the vertical DCT of rows row .. row + size - 1 at every column."""
     for column in range(0, plane.shape[1], 2 * WIDTH):
         for i in range(size // 2):
@@ -282,7 +280,7 @@ def _down(
                 x = column + side * WIDTH
                 a, b = load(plane, (row + i, x)), load(plane, (row + size - 1 - i, x))
                 _fold(a, b, 2 * i + side, size, folded)
-        _transform(folded, size, transform, (0, column), (0, column + WIDTH), out)
+        _transform(folded, size, dct, (0, column), (0, column + WIDTH), out)
 
 
 @kernel
@@ -382,9 +380,7 @@ def _back(
 
 
 @kernel
-def _up(
-    half: Floats2, total: Floats1, row: int, size: int, transform: Floats2, memory: Memory
-) -> None:
+def _up(half: Floats2, total: Floats1, row: int, size: int, dct: Floats2, memory: Memory) -> None:
     """Add a row of blocks, transformed back vertically, to the picture."""
     sums, weights = memory.sums, memory.weights
     for column in range(0, total.shape[0], WIDTH):
@@ -392,8 +388,8 @@ def _up(
         for i in range(size // 2):
             even, odd = weight * _ZERO, weight * _ZERO
             for k in range(0, size, 2):
-                even += transform[k, i] * load(half, (k, column))
-                odd += transform[k + 1, i] * load(half, (k + 1, column))
+                even += dct[k, i] * load(half, (k, column))
+                odd += dct[k + 1, i] * load(half, (k + 1, column))
             a, b = row + i, row + size - 1 - i
             store(sums, (a, column), load(sums, (a, column)) + (even + odd))
             store(sums, (b, column), load(sums, (b, column)) + (even - odd))

@@ -305,9 +305,7 @@ def _choose_best(
     tiles: names and letters; of two in which the same sites are alike the first counts.
     sure: all colours have to differ for certain.
     """
-    kinds = {
-        (tile[..., None, None] == tile).tobytes(): (name, tile) for name, tile in reversed(tiles)
-    }
+    kinds = {(tile[..., None, None] == tile).tobytes(): (name, tile) for name, tile in tiles[::-1]}
     spreads = [(_spread(quarters, tile.ravel()), name, tile) for name, tile in kinds.values()]
     spreads.sort(key=lambda scored: float(scored[0].mean()))
     if not spreads or any(_errors(other - spreads[0][0]) < _BETTER for other, *_ in spreads[1:]):

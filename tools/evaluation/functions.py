@@ -45,13 +45,11 @@ def function(text: str) -> Method:
             raise InputError(f"there is no function {called!r}{meant(called, known)}")
     packages = tuple(sorted({package.name for package in distributions()}))
     name = printable(f"{Path(source).name.removesuffix('.py')}.{called}-{version[:8]}")
-    picture = partial(_picture, text, getattr(module, "__file__", ""), known[called])
+    picture = partial(_called, text, getattr(module, "__file__", ""), known[called])
     return Method(name, f"Sparse colour, {name}", picture, version, True, False, packages, text)
 
 
-def _picture(
-    text: str, path: str, call: Callable[[Mosaic], FloatArray], shot: Mosaic
-) -> FloatArray:
+def _called(text: str, path: str, call: Callable[[Mosaic], FloatArray], shot: Mosaic) -> FloatArray:
     with _named(text, path):
         picture, expected = call(shot), (*shot.shape, len(shot.calibration.channels))
         if not isinstance(picture, np.ndarray) or picture.shape != expected:

@@ -22,16 +22,9 @@ from ...shared.dng.exif import read_metadata
 from ...shared.jpeg_check import read_header
 from ...shared.reading import read_whole
 from ...shared.tiff_reading import StoredField, read_directories
+from . import encoding as encodings
 from .damage import data_bytes, guarded
-from .encoding import (
-    SRGB,
-    Encoding,
-    coded_encoding,
-    exif_encoding,
-    power_curve,
-    profile_encoding,
-    space_of,
-)
+from .encoding import SRGB, Encoding
 from .limited import Facts, run_limited
 from .scene import RGB, check_size, scene_channels
 
@@ -280,7 +273,7 @@ def _encoding(beside: dict[bytes, bytes], peak: int, notes: list[str]) -> Encodi
     notes: gets a remark for the user.
     """
     if b"cICP" in beside:
-        if encoding := coded_encoding(beside[b"cICP"], peak):
+        if encoding := encodings.coded_encoding(beside[b"cICP"], peak):
             return encoding
         code = " ".join(map(str, beside[b"cICP"][:4]))
         remark_on_unused([f"cICP {code}, an encoding that this program does not read"], notes)
@@ -289,7 +282,7 @@ def _encoding(beside: dict[bytes, bytes], peak: int, notes: list[str]) -> Encodi
         profile, compressed = b"", beside[b"iCCP"].partition(b"\0")[2][1:]
         with suppress(zlib.error):
             profile = zlib.decompressobj().decompress(compressed, _LONGEST_BESIDE)
-        if encoding := profile_encoding(profile or compressed or b"none", notes):
+        if encoding := encodings.profile_encoding(profile or compressed or b"none", notes):
             return encoding
     return SRGB if b"sRGB" in beside else _gamma_and_primaries(beside)
 
@@ -298,14 +291,14 @@ def _gamma_and_primaries(beside: dict[bytes, bytes]) -> Encoding | None:
     """The encoding that gAMA and cHRM declare; the curve alone is not declared without gAMA."""
     gamma = int.from_bytes(beside.get(b"gAMA", b""), "big") / 100000
     corners = np.frombuffer(beside.get(b"cHRM", b"").ljust(32, b"\0")[:32], ">u4") / 100000
-    to_xyz = space_of([*corners[2:], *corners[:2]])  # white is the first
+    to_xyz = encodings.space_of([*corners[2:], *corners[:2]])  # white is the first
     if not 0.1 < gamma < 10:
         return Encoding((), to_xyz, "primaries alone") if to_xyz else None
     to_xyz = to_xyz or SRGB.to_xyz
     # sRGB files give this gamma for old readers
     if abs(gamma - 1 / 2.2) < 0.005 and np.allclose(to_xyz, SRGB.to_xyz, atol=0.002):
         return SRGB
-    return Encoding((power_curve(1 / gamma),) * 3, to_xyz, f"gamma {gamma:.4g}")
+    return Encoding((encodings.power_curve(1 / gamma),) * 3, to_xyz, f"gamma {gamma:.4g}")
 
 
 PNG = PictureFormat("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png)
@@ -341,8 +334,8 @@ def decode_jpeg(path: Path, max_pixels: int, channels: str) -> Decoded:
     # The chunks of a profile begin with their number, and how many there are.
     chunks = sorted(header.held(_PROFILE), key=lambda chunk: chunk[:1])
     profile = b"".join(chunk[2:] for chunk in chunks)
-    encoding = profile_encoding(profile, notes)
-    encoding = encoding or exif_encoding(BytesIO(header.exif), notes)
+    encoding = encodings.profile_encoding(profile, notes)
+    encoding = encoding or encodings.exif_encoding(BytesIO(header.exif), notes)
     if any(mark in jpeg for mark in _GAIN_MAPS):
         plain = "this is the plain picture, whose highlights end at white"
         remark_on_unused([f"a gain map for HDR ({plain})"], notes)
@@ -371,7 +364,7 @@ def decode_exr(path: Path, max_pixels: int, channels: str) -> Decoded:
     if pixels.dtype.kind != "f" or pixels.ndim != 3:
         labels = f"the EXR holds whole numbers ({pixels.dtype}), which are labels and no light"
         raise InputError(f"{labels}; save it as half or float")
-    matrix, more = space_of(facts["chromaticities"]), facts["parts"] - 1
+    matrix, more = encodings.space_of(facts["chromaticities"]), facts["parts"] - 1
     encoding = Encoding((), matrix, "the file's chromaticities") if matrix else None
     notes: list[str] = []
     names = f"the channels {facts['unused']}" if facts["unused"] else ""
