@@ -18,9 +18,10 @@ other.
 # 0.03.
 _PRIOR = 0.5
 """Multiple of the noise variance in Eqs. 8-9, which pulls a dark block towards grey."""
-_STROKES_PRIOR = 0.05
+_STROKES_PRIOR = 0.01
 """Multiple of the change of luminance around a block, beyond its noise, that likewise pulls it
-towards grey: its sites lie beside a stroke, or on it. Chosen on photographs and on white print.
+towards grey: its sites lie beside a stroke, or on it. Five times as much would leave half of the
+false colours of thin bright strokes, but take colour from ink.
 """
 _POOLING = 3e-4
 """Squared ratio of error to signal of a block at which half of its chromaticity comes from the

@@ -27,7 +27,7 @@ from tests.reference.compare import assert_close
 
 # --- graph ----------------------------------------------------------------------------------------
 
-DIGEST = "af3402eb85c8d8cd9bc6a28f1e75d8f5ca19d1d7a2598422d6e53955e72dc019"
+DIGEST = "99b52e956b3fac2b00da7f336b9a9f57921a4e486edb8d981b9a567fea581571"
 """Of the graphs of CASES."""
 CALIBRATION = SensorCalibration(
     gamma=(0.9, 1.1, 0.8),

@@ -17,7 +17,7 @@ LINES = {
     "preview shots -o new --dry-run": "shots/1.dng -> ",
     "burst shots/1.dng shots/2.dng -o pictures -f png --dry-run": "shots/1.dng -> ",
     "inspect --verify shots": "3 whole, 0 damaged",
-    "evaluate builtin:60x60 -o results --methods bilinear --sigma 0 --dry-run": "0 results to make",
+    "evaluate builtin:60x60 -o results --methods bilinear --sigma 0 --resume -n": "0 results to make",
     "evaluate builtin:60x60 -o new --methods bilinear --sigma 0 --dry-run": "1 results to make",
 }
 

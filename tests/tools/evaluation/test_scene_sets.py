@@ -51,7 +51,7 @@ def test_scenes_are_cut_and_small_ones_refused(tmp_path: Path) -> None:
     assert Reading().scene(info).rgb.shape == (info.rows, info.columns, 3) == (60, 78, 3)
     assert Reading(largest=50).info(path).rows == 48
     np.save(path, RNG.random((41, 80, 3)).astype(np.float32))
-    with pytest.raises(InputError, match="80 x 41 pixels are too few"):
+    with pytest.raises(InputError, match="78 x 36 pixels are too few"):
         Reading().info(path)
 
 
