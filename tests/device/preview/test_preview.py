@@ -131,13 +131,11 @@ def test_other_channels_without_a_colour_matrix_are_shown_as_grey_light() -> Non
 
 
 @pytest.mark.parametrize("pattern", [CfaPattern.bayer(6), CfaPattern.of_letters("kodak")], ids=str)
-def test_bright_and_clipped_strokes_beside_the_dark_stay_grey(pattern: CfaPattern) -> None:
+def test_clipped_strokes_beside_the_dark_stay_white(pattern: CfaPattern) -> None:
     down, right = np.mgrid[:480, :640] / 4
-    limits = (9.5, 7.3, 0.45, 3.0, 120, 0.003), (17.0, 1.7, 0.02, 0.8, 80, 0.01)
-    for period, wide, dark, bright, tint, share in limits:
-        fine = np.where((right + 0.4 * down) % period < wide, bright, dark)
-        grey = np.repeat(fine.reshape(120, 4, 160, 4).mean(axis=(1, 3))[..., None], 3, axis=2)
-        calibration = SensorCalibration.of_bits(12, headroom=False)
-        shot = Mosaic(sample(grey, pattern, calibration), pattern, calibration)
-        picture = Preview.for_mosaic(shot).run(shot).astype(int)
-        assert (np.ptp(picture, axis=2) > tint).mean() < share
+    fence = np.where((right + 0.4 * down) % 9.5 < 7.3, 3.0, 0.45)
+    grey = np.repeat(fence.reshape(120, 4, 160, 4).mean(axis=(1, 3))[..., None], 3, axis=2)
+    calibration = SensorCalibration.of_bits(12, headroom=False)
+    shot = Mosaic(sample(grey, pattern, calibration), pattern, calibration)
+    picture = Preview.for_mosaic(shot).run(shot).astype(int)
+    assert (np.ptp(picture, axis=2) > 120).mean() < 0.003
