@@ -134,8 +134,9 @@ def test_other_channels_without_a_colour_matrix_are_shown_as_grey_light() -> Non
 def test_clipped_strokes_beside_the_dark_stay_white(pattern: CfaPattern) -> None:
     down, right = np.mgrid[:480, :640] / 4
     fence = np.where((right + 0.4 * down) % 9.5 < 7.3, 3.0, 0.45)
-    grey = np.repeat(fence.reshape(120, 4, 160, 4).mean(axis=(1, 3))[..., None], 3, axis=2)
+    grey = fence.reshape(120, 4, 160, 4).mean(axis=(1, 3)).astype(np.float32)
     calibration = SensorCalibration.of_bits(12, headroom=False)
-    shot = Mosaic(sample(grey, pattern, calibration), pattern, calibration)
+    light = grey[..., None].repeat(3, axis=2)
+    shot = Mosaic(sample(light, pattern, calibration), pattern, calibration)
     picture = Preview.for_mosaic(shot).run(shot).astype(int)
     assert (np.ptp(picture, axis=2) > 120).mean() < 0.003
