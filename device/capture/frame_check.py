@@ -117,6 +117,11 @@ def checked(
             yield replace(frame, is_checked=is_checked)
 
 
+def _slipped(frame: RawFrame) -> SlippedError:
+    """The error of a frame, of a stream or in a file, that does not show what others have shown."""
+    return SlippedError(_SLIPPED.format(_ODD if frame.source else _LOST))
+
+
 class _Check:
     """Frames so far, and what they have confirmed. For the arguments see `checked`."""
 
@@ -187,7 +192,7 @@ class _Check:
             has_its_bits = codes.max() >> bits == 0 and not has_gap(codes, layout)
             is_alike = shown is None and not lacks_filters(windows, self._sensor)
             if not (has_its_bits and (shown or is_alike)):
-                raise SlippedError(_SLIPPED.format(_ODD if frame.source else _LOST))
+                raise _slipped(frame)
             if shown:
                 self._look_at_colours(frame, windows)
                 return True
@@ -200,7 +205,7 @@ class _Check:
         coloured = shows_colours(windows, self._sensor)
         self._tells_colours |= coloured is True
         if coloured is False and self._has_colours:
-            raise SlippedError(_SLIPPED.format(_ODD if frame.source else _LOST))
+            raise _slipped(frame)
         if coloured is False:  # until a frame shows them they may as well be described wrongly
             greens = "the two greens of a block lie on the other diagonal"
             scattered = "its colours are at other sites of the tile"

@@ -137,9 +137,10 @@ def checked_reference(
     chosen, places = Path(reference).resolve(), [Path(name).resolve() for name in names]
     if chosen in places:
         return places.index(chosen)
-    if [place.name for place in places].count(str(reference)) != 1:
+    files = [place.name for place in places]
+    if files.count(str(reference)) != 1:
         raise InputError(f"`reference` {reference}: is none of the shots, {names[0]} ...")
-    return [place.name for place in places].index(str(reference))
+    return files.index(str(reference))
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,8 @@ _SHARE = 0.8  # of the free memory, without --max-memory
 _LIMITS = {resource.RLIMIT_AS: "VmSize", resource.RLIMIT_DATA: "VmData"}
 
 # Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/batch/test_memory.py` measures
-# again). with its libraries and kernels, the oldest that are allowed: the newest take 80 MB less
+# again). The program has its libraries and kernels, the oldest that are allowed: the newest take
+# 80 MB less.
 _PROGRAM = 290 * 2**20
 _THREAD = 20 * 2**20  # of each thread: its own heap
 _MOSAIC = 2.0  # per pixel: sensor codes

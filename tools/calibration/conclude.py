@@ -141,28 +141,30 @@ def conclude(measured: Measurements, provenance: Mapping[str, Any] | None = None
     read.
     """
     calibration = measured.calibration
-    found = {name: find(measured) for name, (find, _) in _ENTRIES.items()}
-    changes = {name: value for entry in found.values() for name, value in entry.changes.items()}
+    findings = {name: find(measured) for name, (find, _) in _ENTRIES.items()}
+    changes = {name: value for entry in findings.values() for name, value in entry.changes.items()}
     made = provenance or {}
-    sources = {name: {**made, **one.facts} for name, one in found.items() if one.facts is not None}
+    sources = {
+        name: {**made, **one.facts} for name, one in findings.items() if one.facts is not None
+    }
     if calibration.noise and "noise" not in changes and "gamma" in changes:
         # Noise is in scene units, and the new gamma rescales these.
         rescaled = calibration.full_scale / math.fsum(changes["gamma"])
         changes["noise"] = calibration.noise.in_units_of(rescaled)
-    refusal = "; ".join(entry.refusal for entry in found.values() if entry.refusal)
+    refusal = "; ".join(entry.refusal for entry in findings.values() if entry.refusal)
     camera, known = None, measured.known | sources
     if (base := measured.base) and not refusal:
         camera = Camera(replace(calibration, **changes), base.pattern, known, base.shape)
-    contradictions = tuple(line for entry in found.values() for line in entry.contradictions)
-    lines = [line for entry in found.values() for line in entry.warnings]
+    contradictions = tuple(line for entry in findings.values() for line in entry.contradictions)
+    lines = [line for entry in findings.values() for line in entry.warnings]
     missing = {}
     for name, (_, remedy) in _ENTRIES.items():
         if name not in known and (name != "colour" or len(calibration.channels) >= FEWEST_CHANNELS):
-            missing[name] = found[name].missing or remedy
+            missing[name] = findings[name].missing or remedy
     lines += [f"{name.replace('_', ' ')}: not measured; {why}" for name, why in missing.items()]
     warnings = (*measured.remarks, *lines, *_outdated(measured, sources))
     told = contradictions, warnings, missing, made
-    return Result(measured, found, sources, camera, refusal, *told)
+    return Result(measured, findings, sources, camera, refusal, *told)
 
 
 def _outdated(measured: Measurements, sources: Mapping[str, Any]) -> list[str]:

@@ -48,15 +48,17 @@ class Lens:
         if (self.stops or self.percent) and known.shading is not None:
             raise InputError(f"{source} has its own shading: leave `shading` out")
 
-    def calibrated(self, known: SensorCalibration, shape: tuple[int, int]) -> SensorCalibration:
-        """Return a known calibration with the shading of this lens.
+    def calibrated(
+        self, calibration: SensorCalibration, shape: tuple[int, int]
+    ) -> SensorCalibration:
+        """Return the calibration with the shading of this lens.
 
         shape: (rows, columns) of the frame.
         """
         if not (self.stops or self.percent):
-            return known
-        shading = lens_shading(self.stops, self.percent / 100, len(known.channels) + 1, shape)
-        return replace(known, shading=shading)
+            return calibration
+        shading = lens_shading(self.stops, self.percent / 100, len(calibration.channels) + 1, shape)
+        return replace(calibration, shading=shading)
 
 
 def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int]) -> Shading:
