@@ -18,8 +18,5 @@ def sample_bayer(rgb: FloatArray) -> FloatArray:
     """Samples of a noiseless Bayer sensor, float32 (H, W), from a scene (H, W, 3), both in scene
     units.
     """
-    mosaic: FloatArray = np.empty(rgb.shape[:2], np.float32)
-    for place, letter in enumerate(ORDER):
-        row, column = divmod(place, 2)
-        mosaic[row::2, column::2] = rgb[row::2, column::2, "RGB".index(letter)]
-    return mosaic
+    mosaic: FloatArray = np.take_along_axis(rgb, channel_map(rgb.shape)[..., None], axis=2)
+    return mosaic[..., 0]

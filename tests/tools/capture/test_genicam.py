@@ -137,8 +137,7 @@ def test_two_programs_and_then_an_unplugged_camera(plug: Plug, out: Path) -> Non
 def test_after_a_crash_the_camera_sends_to_the_next_program(plug: Plug, out: Path) -> None:
     """It would go on sending to the one that was killed, had the next one not told it to stop."""
     camera = plug()
-    first = capturing(camera, out)
-    ended(first, signal.SIGKILL)
+    ended(capturing(camera, out), signal.SIGKILL)
     once = ("--frames", "1")
     while "another program" in (outcome := capture(camera, "-o", out, *TILE, *once)).err:
         time.sleep(0.2)

@@ -100,8 +100,7 @@ def test_previews_are_resumed_unless_shot_or_options_have_changed(
     run("preview", *shots, "-j 2 -o", out, code=0)
     made = contents(out)
     shot(shots[0], iso=4)
-    outcome = run("preview", *shots, "--resume -o", out, code=0)
-    assert outcome.out.count("is up to date") == 2
+    assert run("preview", *shots, "--resume -o", out, code=0).out.count("is up to date") == 2
     changed = {name for name, data in contents(out).items() if data != made[name]}
     assert changed == {"1.jpg", JOURNAL}
     for options in ("--quality 50", "--scale 2"):

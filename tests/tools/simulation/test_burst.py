@@ -24,8 +24,7 @@ def test_a_hand_stays_within_the_limits_and_moves_by_parts_of_a_pixel() -> None:
     walk = tremor(SimulatedBurst(200, pixels=3, degrees=0.3), random())
     assert walk[0] == CameraMotion()
     shifts, angles = (np.array(values) for values in zip(*walk, strict=True))
-    lengths = np.hypot(*shifts.T)
-    assert 2.5 < lengths.max() <= 3
+    assert 2.5 < np.hypot(*shifts.T).max() <= 3
     assert 0.25 < np.degrees(np.abs(angles).max()) <= 0.3
     # every sixteenth of a pixel is met
     assert np.unique((shifts % 1 * 4).astype(int), axis=0).shape[0] == 16
