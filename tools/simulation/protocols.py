@@ -9,10 +9,12 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from ...shared import FloatArray, InputError
+from ...shared.calibration import NOISE_RANGE
 from .sensor import TYPICAL_READ, TYPICAL_SHOT
 
 _BITS = 12
 _BLACK, _WHITE = 1 << (_BITS - 4), (1 << _BITS) - 1  # codes of the Bayer sensor
+_MOST_LIGHT = 1e6  # of it nothing but the truth, in single precision, has a limit
 
 
 class BayerShot(NamedTuple):
@@ -53,8 +55,8 @@ class PaperProtocol:
         return tuple(map(cls, sorted(set(wanted or (0.0, 0.01, 0.02, 0.03)))))
 
     def __post_init__(self) -> None:
-        if not 0 <= self.level < np.inf:
-            raise InputError(f"`sigma` is {self.level}, expected 0 or more")
+        if not 0 <= self.level <= NOISE_RANGE[1]:
+            raise InputError(f"`sigma` is {self.level}, expected 0 to {NOISE_RANGE[1]:g}")
 
     @property
     def text(self) -> str:
@@ -107,8 +109,8 @@ class SensorProtocol:
         return tuple(map(cls, sorted(set(wanted or (1.0, 1 / 4, 1 / 16)), reverse=True)))
 
     def __post_init__(self) -> None:
-        if not 0 < self.level < np.inf:
-            expected = "expected a positive factor; 1 is a full exposure"
+        if not 0 < self.level <= _MOST_LIGHT:
+            expected = f"expected a factor above 0, {_MOST_LIGHT:g} at most; 1 is a full exposure"
             raise InputError(f"`light` is {self.level}, {expected}")
 
     @property

@@ -49,7 +49,7 @@ BANDS = "VRGWWW/NUGWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
 USAGE = {
     "simulate builtin:24x18 -o out": {
         "--pattern K=2": "--pattern 'K=2': the tile has no panchromatic pixel",
-        "--sigma -1": "--sigma is -1.0, expected 0 or more",
+        "--sigma -1": "--sigma is -1.0, expected 0 to 1000",
         "--light 1/0": "'1/0' is not a number, or a fraction",
         "--light=": "'' is not a number, or a fraction",
         "--seed -1": "'-1' is not a whole number from 0 on",
@@ -116,7 +116,7 @@ USAGE = {
         "--scale 5": "5 x 5 sensor pixels: a pattern of period 6 has 1, 2, 3, 6",
     },
     "evaluate builtin:60x60 -o out": {
-        "--sigma 0,-1": "--sigma is -1.0, expected 0 or more",
+        "--sigma 0,-1": "--sigma is -1.0, expected 0 to 1000",
         "--max-memory lots": "--max-memory: 'lots' is not a size",
         "--rival net.pt": "--rival is net.pt, expected a file that ends with .onnx",
         "--pattern mine.txt,two/mine.txt": "different patterns are called 'mine'",

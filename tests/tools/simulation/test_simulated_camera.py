@@ -109,8 +109,9 @@ def test_levels_are_ordered_by_noise_checked_and_named() -> None:
     assert texts == ["exposure 2", "exposure 1", "exposure 0.25"]
     conditions = "5,000 electrons per scene unit at exposure 1, read noise of 3 electrons, 12 bits"
     assert conditions in SensorProtocol.conditions
-    with pytest.raises(InputError, match="`sigma` is nan, expected"):
-        PaperProtocol.levels([np.nan])
-    for level in (0.0, np.inf):
+    for sigma in (np.nan, 1e4):
+        with pytest.raises(InputError, match=r"`sigma` is .*, expected 0 to 1000"):
+            PaperProtocol.levels([sigma])
+    for level in (0.0, 1e7, np.inf):
         with pytest.raises(InputError, match=r"`light` is .* expected"):
             SensorProtocol.levels([level])
