@@ -237,7 +237,7 @@ def impossible_level(codes: CodeArray, windows: Windows, calibration: SensorCali
         return f"a sample is {highest}, more than {calibration.bits} bits hold"
     if (darkest := float(windows.codes.mean(axis=(1, 2)).min())) < black - _margin(calibration):
         dark = f"a part of it has a mean of {darkest:.0f}, darker than black, which is {black:.0f}"
-        remedy = "`black=N` states another level; `unchecked` is for frames of a covered lens"
+        remedy = "`black=N` or `sensor_bits=N` moves it; `unchecked` is for a covered lens"
         return f"{dark} ({remedy})"
     return ""
 

@@ -195,7 +195,7 @@ def test_a_black_level_below_the_assumed_one_is_answered_with_the_options_that_s
     black[:64, :64] = 0
     reason = refusal(pack(black, "u16"), of())
     assert "a part of it has a mean of 0, darker than black, which is 256" in reason
-    assert "(`black=N` states another level; `unchecked` is for frames of a covered lens)" in reason
+    assert "(`black=N` or `sensor_bits=N` moves it; `unchecked` is for a covered lens)" in reason
     low = pack((codes(light=0.1).astype(int) - 240).clip(0).astype(np.uint16), "raw12")
     assert "darker than black" in refusal(low * 2, of("raw12"))
 
