@@ -39,7 +39,7 @@ class Entry:
     output : str
         Its path below the journal's folder, "/" between names.
     digest : str
-        SHA-256 of its bytes.
+        SHA-256 of its bytes; "" = a run has found that there can be no such file.
     key : str
         Digest of everything that it depends on, see `key`.
     run : str

@@ -486,10 +486,12 @@ def _existing(run: Run, job: Job, output: Path, source: str | None) -> _Existing
     """Look up what exists under the name of the output. Raises OutputError for a file that must
     stay.
     """
-    if file_status(output) is None:
-        return _Existing(replace=run.overwrite)
     entries = run.journal.of(run.name(output))
     last = entries[-1] if entries else None
+    if file_status(output) is None:
+        # a run has found that there can be no such file
+        absent = last is not None and (last.digest, last.key) == ("", run.key(output, source or ""))
+        return _Existing("current" if run.resume and absent else None, run.overwrite)
     # by a process that died before it could say so
     of_this_run = last is not None and last.run == run.run
     if not (run.resume or of_this_run):
