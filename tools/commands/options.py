@@ -89,7 +89,7 @@ def text(argument: str) -> str:
 
 
 _CHOSEN = "resume", "overwrite", "dry_run"
-_OF_A_RUN = {"output", *_CHOSEN, "jobs", "json", "quiet", "verbose", "scenes", "shots", "export"}
+_OF_A_RUN = {*_CHOSEN, *names("output,jobs,json,quiet,verbose,scenes,shots,export,truth")}
 Option = tuple[list[str], dict[str, Any]]
 """Names of an option, and the settings of `add_argument`."""
 

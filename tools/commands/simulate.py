@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     sensor = parser.add_argument_group("the camera")
     add(sensor, "camera", "pattern", "channels", "origin")
     add(sensor, "sensor-bits", help=f"{SENSOR_BITS} (default: 12, or those of the camera)")
-    raw = "STEM.raw, the samples alone, as 16-bit words, to try `capture` with (pixel format u16)"
+    raw = "STEM.raw, the samples alone, to try `capture --pixel-format u16 --sensor-bits N` with"
     samples = f"dng (the default), or raw: {raw}"
     sensor.add_argument("-f", "--format", choices=("dng", "raw"), default="dng", help=samples)
     light = parser.add_argument_group("light and noise (default: none)")
@@ -129,7 +129,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         frames = simulated_camera.burst_frames(scene.rgb, burst, hand, arguments.reduce)
         progress.stage("sampling and writing", burst.frames)
         for shot, frame in zip(shots, frames, strict=True):
-            exposed = camera.shoot(scene, noise_of(arguments.seed, shot.relative_to(folder)), frame)
+            seeded = shot.relative_to(folder).with_suffix(".dng")  # a raw frame is that of its shot
+            exposed = camera.shoot(scene, noise_of(arguments.seed, seeded), frame)
             mosaic = exposed.mosaic
             if arguments.format == "raw":  # samples alone
                 samples = mosaic.codes.astype("<u2").tobytes()
@@ -148,8 +149,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         size = f"{columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits"
         written = [str(path) for path in job.outputs if not (missing and path == beside[1])]
         facts = {"outputs": written, "width": columns, "height": rows}
-        if is_series:
-            facts["reference"] = str(shots[0])
+        facts |= {"reference": str(shots[0])} if is_series else {}
         return Outcome(facts, tuple(f"{shot}: {size}" for shot in shots))
 
     scenes = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn, set_aside=set_aside)
@@ -171,9 +171,11 @@ def _write_truth(exposed: Exposed, paths: Sequence[Path], keep: Keep) -> tuple[s
         try:
             kind.kept_as.check(development)
         except InputError:
-            channels = mosaic.calibration.channels
-            unknown = f"the colours of the channels {channels} are unknown, or those of no light"
-            return (f"no {TRUTH_PICTURE}: {unknown}",)
+            noted = keep(path)["on_complete"](path)
+            path.unlink(missing_ok=True)  # the picture of an earlier scene
+            noted()  # as a result without a file: `--resume` need not look for it
+            colours = f"the colours of the channels {mosaic.pattern.channels}"
+            return (f"no {TRUTH_PICTURE}: {colours} are unknown, or those of no light",)
         write_picture(path, [exposed.truth], development, **keep(path))
     return ()
 

@@ -61,6 +61,8 @@ def test_the_sensor_protocol_clips_and_counts_photons(out: Path) -> None:
     assert np.array_equal(shot.codes, expected.codes)
     assert shot.calibration.noise == typical_noise(calibration)
     assert shot.codes.max() == 4095
+    run("simulate", SOURCE, "-o", out, "--light 4 -f raw", code=0)
+    assert (out / "builtin-24x18.raw").read_bytes() == shot.codes.astype("<u2").tobytes()
 
 
 def test_shots_of_a_command_have_noise_of_their_own_in_any_order(out: Path, tmp_path: Path) -> None:
@@ -108,12 +110,15 @@ def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path:
 
 
 def test_without_known_colours_there_is_no_picture_of_the_truth(out: Path, tmp_path: Path) -> None:
+    np.save(tmp_path / "two.npy", np.full((24, 24, 3), 0.5, np.float32))
+    run("simulate", tmp_path / "two.npy", "--truth -o", out, code=0)  # has a picture, which goes
     np.save(tmp_path / "two.npy", np.full((24, 24, 2), 0.5, np.float32))
-    options = "--pattern AB/WW --truth --json -o"
+    options = "--pattern AB/WW --truth --resume --json -o"
     outcome = run("simulate", tmp_path / "two.npy", options, out, code=0)
     assert "no .truth.png: the colours of the channels AB are unknown" in outcome.err
     outputs = {Path(name).name for name in outcome.records[0]["outputs"]}
     assert outputs == results(out) == {"two.dng", "two.truth.tif"}
+    assert run("simulate", tmp_path / "two.npy", options, out, code=0).records[0]["current"]
 
 
 def test_no_scene_costs_one_line_and_the_rest_is_recorded(out: Path, tmp_path: Path) -> None:
@@ -149,7 +154,7 @@ def test_the_truth_is_also_a_picture_and_nothing_of_a_user_is_replaced(out: Path
     [
         ("--truth", "--light 2", {TRUTH, SHOWN}),
         ("--burst 3 --truth", "--burst 2 --truth", {"builtin-24x18-3.dng"}),
-        ("--burst 2 --truth", "--burst 2", {TRUTH, SHOWN, "builtin-24x18.motion.json"}),
+        ("--burst 2 --truth", "--burst 2 --seed 1", {TRUTH, SHOWN, "builtin-24x18.motion.json"}),
         ("--truth", "-f raw", set()),
     ],
 )
@@ -218,7 +223,8 @@ def test_scenes_are_resumed_tried_and_made_several_at_a_time(tmp_path: Path, out
     made = contents(out)
     assert made.keys() == contents(other).keys()
     assert {name for name, data in contents(other).items() if data != made[name]} == {JOURNAL}
-    assert run(*line, "--resume -o", out, code=0).out.count("is up to date") == 3
+    for resumed in (line, (*line[:-1], "--burst 2 --motion 2 --light 1")):  # the truth may stay
+        assert run(*resumed, "--resume -o", out, code=0).out.count("is up to date") == 3
     assert contents(out) == made
     (out / "builtin-72x60-2.dng").unlink()
     (out / "builtin-78x60-1.dng").write_bytes(b"edited")
