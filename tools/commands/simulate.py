@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     sensor = parser.add_argument_group("the camera")
     add(sensor, "camera", "pattern", "channels", "origin")
     add(sensor, "sensor-bits", help=f"{SENSOR_BITS} (default: 12, or those of the camera)")
-    raw = "STEM.raw, the samples alone, to try `capture --pixel-format u16 --sensor-bits N` with"
+    raw = "STEM.raw, the samples alone, to try `capture` with (pixel format u16, and their bits)"
     samples = f"dng (the default), or raw: {raw}"
     sensor.add_argument("-f", "--format", choices=("dng", "raw"), default="dng", help=samples)
     light = parser.add_argument_group("light and noise (default: none)")

@@ -122,8 +122,7 @@ def test_green_sites_that_are_brighter_than_others_are_not_clear() -> None:
 def test_bright_sites_of_different_filters_are_not_taken_for_panchromatic(letters: str) -> None:
     infrared = np.concatenate([LARGE, LARGE.mean(axis=2, keepdims=True)], axis=2)
     tile = tile_of(letters, (1, 2))
-    identity = identify(taken(infrared, tile, channels="RGBE"))
-    assert {*"".join(identity.tile)} == {UNKNOWN}
+    assert {*"".join(identify(taken(infrared, tile, channels="RGBE")).tile)} == {UNKNOWN}
 
 
 @pytest.mark.parametrize("letters", ["CY/GM", "GMGM/CYCY/MGMG/CYCY"])

@@ -149,8 +149,7 @@ def test_what_does_not_fit_is_left_out_by_name(frames: Path, out: Path) -> None:
     outcome = merged(frames, out, "--json")
     for path, reason in zip(paths, odd, strict=True):
         assert f"{path}: is left out: {reason}" in outcome.err
-    used = [fate["used"] for fate in outcome.records[0]["frames"]]
-    assert used == [True] * 3 + [False] * 5
+    assert [fate["used"] for fate in outcome.records[0]["frames"]] == [True] * 3 + [False] * 5
     assert f"3 of 8 frames, reference {STEM}-1.dng" in outcome.err
     outcome = merged(frames, out, "--overwrite --reference", paths[4])
     assert f"{frame(frames, 2)}: is left out: is a copy of {paths[4]}\n" in outcome.err

@@ -83,8 +83,7 @@ def test_the_tables_are_there_if_the_page_fails(
     part: str, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(evaluate, part, Mock(side_effect=RuntimeError("odd")))
-    line = "evaluate builtin:60x60 --methods bilinear --sigma 0 --json -o"
-    outcome = run(line, out, code=1)
+    outcome = run("evaluate builtin:60x60 --methods bilinear --sigma 0 --json -o", out, code=1)
     page = str(out / "evaluation.html")
     (error,) = outcome.errors
     fault = "a fault of Panchroma, please report it: RuntimeError"
