@@ -160,8 +160,7 @@ def test_words_are_not_copied_where_nobody_can_change_them() -> None:
     data = np.arange(36, dtype=np.uint8)
     assert np.shares_memory(layout.unpack(data.data.toreadonly()), data)
     assert not np.shares_memory(layout.unpack(data.data), data)
-    swapped = FrameLayout(5, 3, "u16be", 12)
-    assert not np.shares_memory(swapped.unpack(data.data.toreadonly()), data)
+    assert not np.shares_memory(FrameLayout(5, 3, "u16be", 12).unpack(data.data.toreadonly()), data)
 
 
 def test_only_the_memory_of_frames_that_nobody_needs_is_used_again() -> None:
