@@ -325,7 +325,8 @@ class SimulatedCamera:
 
     def __post_init__(self) -> None:
         drawn = SensorCalibration(self.pattern.channels, sensor="simulated")
-        sensor = self.known.calibration if self.known else drawn
+        # simulated pixels are all whole, and defects elsewhere than in a frame of another size
+        sensor = replace(self.known.calibration, defects=()) if self.known else drawn
         if self.known is None or self.bits is not None:
             bits, headroom = BITS if self.bits is None else self.bits, self.protocol.headroom
             # A sensor clips at white, so nothing lies above it.

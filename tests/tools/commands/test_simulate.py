@@ -99,10 +99,11 @@ def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path:
     gamma, noise = (0.8, 1.0, 1.2), NoiseModel((0.001,) * 4, (0.02,) * 4)
     calibration = SensorCalibration(gamma=gamma, noise=noise, sensor="mine", **levels)
     path = tmp_path / "camera.json"
-    path.write_text(json.dumps(calibration.to_json()))
+    measured = replace(calibration, defects=((3, 4),))  # no simulated pixel is defective
+    path.write_text(json.dumps(measured.to_json()))
     shot = simulate(out, "--light 1 --camera", path)
     # The camera does not know the colours, the scene does.
-    colours: Any = {"camera_to_xyz": builtin_scene(24, 18).camera_to_xyz, "camera": calibration.id}
+    colours: Any = {"camera_to_xyz": builtin_scene(24, 18).camera_to_xyz, "camera": measured.id}
     assert shot.calibration == replace(calibration, **colours)
     paper = simulate(out, "--sigma 0.03 --sensor-bits 14 --camera", path).calibration
     assert (paper.gamma, paper.bits) == (gamma, 14)

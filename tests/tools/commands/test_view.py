@@ -80,8 +80,7 @@ def test_a_stream_that_slips_ends_it() -> None:
 
 def test_a_stalled_camera_s_picture_and_figures_are_shown(tmp_path: Path) -> None:
     """To whoever comes after its last frame, too."""
-    profile = tmp_path / "profile"
-    with Browser(profile) as browser, viewing(NOISE, source="-") as (process, url):
+    with Browser(tmp_path / "profile") as browser, viewing(NOISE, source="-") as (process, url):
         browser.open(url)
         browser.until("document.body?.dataset.state === 'waiting'")
         for number in range(2):
