@@ -68,7 +68,7 @@ def available_threads() -> int:
     if not asked:
         return processors()
     if not (asked.isdecimal() and int(asked) > 0):
-        raise InputError(f"{THREADS} is {asked!r}, expected a number of threads, 1 or more")
+        raise InputError(f"{THREADS} is {asked!r}, expected a number from 1 on; change or unset it")
     return int(asked)
 
 
