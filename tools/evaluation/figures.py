@@ -214,7 +214,7 @@ def judge(figures: Figures, group: str) -> Verdict:
     levels = figures.study.levels
     leads = [lead for level in levels if (lead := figures.lead(Place(group, level)))]
     if not leads:
-        needed = "best, unlearned, paper or preview, a rival, and scenes in red, green and blue"
+        needed = "best, unlearned, paper or preview, a rival, RGB scenes, and all their results"
         return Verdict("care", (f"There is no verdict: it needs {needed}.",))
     together = [lead.value for lead in leads]
     alone = [lead.value for level in levels for lead in figures.leads(group, level)]
@@ -269,7 +269,7 @@ def _caveats(figures: Figures, group: str) -> str:
     for name, level in product(study.methods, study.levels):
         if figures.of(Place(group, level), name) is None:
             limits.append(f"results of {name} are missing at {level.text}")
-    complete = "Every method was measured on every scene, denoising and learned rivals included."
+    complete = "Every method was measured on every scene, a learned rival included."
     return f"Mind: {'; '.join(limits)}." if limits else complete
 
 

@@ -75,11 +75,12 @@ def plain_text(figures: Figures) -> str:
 
 
 def describe(figures: Figures) -> str:
-    """Return the scenes, cameras and light of a study in a sentence."""
+    """Return the scenes, cameras and light of a study, and which pattern the verdict is on."""
     study, count = figures.study, len(figures.study.scenes)
     tiles = ", ".join(tile.name for tile in study.tiles)
     rivals = " and a Bayer camera under the same light" if study.rivals else ""
-    return f"{count} scene{'s' * (count != 1)} before this camera ({tiles}){rivals}."
+    judged = f" Verdict, crops and plots: {study.tile.name}." if len(study.tiles) > 1 else ""
+    return f"{count} scene{'s' * (count != 1)} before this camera ({tiles}){rivals}.{judged}"
 
 
 def _row(figure: Figure) -> dict[str, Any]:
