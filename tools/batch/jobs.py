@@ -291,11 +291,14 @@ def _refuse_loss(job: Job, inputs: Container[object], owners: dict[str, str]) ->
             raise OutputError(f"{output}: is a folder; remove it, or use another output folder")
 
 
-def refuse_existing(outputs: Iterable[Path]) -> None:
-    """Raise OutputError when one of the outputs exists."""
+_REPLACE = "use `overwrite=True` to replace it"
+
+
+def refuse_existing(outputs: Iterable[Path], remedy: str = _REPLACE) -> None:
+    """Raise OutputError, which states the remedy, when one of the outputs exists."""
     for output in outputs:
         if os.path.lexists(output):
-            raise OutputError(f"{output}: exists already; use `overwrite=True` to replace it")
+            raise OutputError(f"{output}: exists already; {remedy}")
 
 
 def identity(path: str | Path | int) -> tuple[int, int] | None:

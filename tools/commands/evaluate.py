@@ -3,9 +3,8 @@ and compare the renderings.
 
 Writes evaluation.html (one page that works offline), evaluation.json, evaluation.csv and the plots,
 evaluation.svg. Results are kept in DIR/results as they are made: an interrupted run continues where
-it stopped. --resume
-adds to a finished one: of another method or noise level only its own results are measured.
---overwrite measures all of them again.
+it stopped. --resume measures only what is missing in a finished one, too; the page then shows what
+this command names, no more. --overwrite measures all of it again.
 """
 
 import argparse
@@ -48,13 +47,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     known = f"K=4 (the paper's in 4 x 4 pixels), a name ({TILE_NAMES}), {letters}"
     made = "C, M and Y are made of red, green and blue"
     patterns = f"patterns of filters, compared under the same light: {known}; {made} (default: K=6)"
-    usual = ["K=6"]
-    what.add_argument("--pattern", metavar="PATTERN,...", type=names, default=usual, help=patterns)
+    add(what, "pattern", metavar="PATTERN,...", type=names, default=["K=6"], help=patterns)
     own = "yours by FILE.py:FUNCTION or MODULE:FUNCTION, which makes a picture of a Mosaic"
     methods = f"methods to compare, {own} (default: all installed; an unknown name lists them)"
     what.add_argument("--methods", metavar="NAME,...", type=names, default=[], help=methods)
-    fed = "FILE.json beside it says how it is fed"
-    rivals = f"compare anybody's network for Bayer mosaics, too; {fed}; repeat it for more"
+    rivals = "a network for Bayer mosaics, FILE.json says how it is fed; repeat it for more"
     what.add_argument("--rival", metavar="FILE.onnx", action="append", default=[], help=rivals)
     crop = "use only the middle of each scene, for a quick look"
     what.add_argument("--crop", metavar="PIXELS", type=count, help=crop)
@@ -69,7 +66,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
     outputs = [folder / f"evaluation.{ending}" for ending in ("html", "json", "csv", "svg")]
     if not (arguments.overwrite or arguments.resume):
-        refuse_existing(outputs)
+        refuse_existing(outputs, "`resume=True` adds to it, `overwrite=True` measures all again")
     team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
     study, failures = _study(arguments, console, team)
     if not study.scenes:
@@ -99,9 +96,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     written = [str(path) for path, make in made if write_report(path, make, console, replace)]
     console.say(*plain_text(figures).split("\n"))
     console.say(", ".join(written))
+    incomplete = {case.scene for case in study.cases() if case not in results}
     for scene in study.scenes:
         facts = {"group": scene.group, "width": scene.columns, "height": scene.rows}
-        console.record(source=scene.source, ok=True, **facts)
+        console.record(source=scene.source, ok=scene not in incomplete, **facts)
     return FAILED if failures or len(written) < len(outputs) else 0
 
 
@@ -113,8 +111,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple
         raise InputError(f"--rival is {wrong[0]}, expected a file that ends with .onnx")
     methods = choose([*(arguments.methods or default_names()), *arguments.rival])
     if not arguments.methods and (missing := missing_packages()):
-        reason = f"these packages are not installed: {', '.join(missing)}"
-        console.note(f"some methods are left out because {reason}")
+        console.note(f"some methods are left out; packages not installed: {', '.join(missing)}")
     tiles = dict.fromkeys(Tile.named(read_pattern(text), text) for text in arguments.pattern)
     channels, *others = dict.fromkeys(channels_of(tile.pattern) for tile in tiles)
     if others:
@@ -125,8 +122,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple
         console.note(f"a Bayer camera has red, green and blue alone; left out: {left_out}")
     names = [tile.name for tile in tiles]
     if alike := [name for name in names if names.count(name) > 1]:
-        remedy = "give one in a file of another name"
-        raise InputError(f"different patterns are called {alike[0]!r}; {remedy}")
+        raise InputError(f"different patterns are called {alike[0]!r}; rename the file of one")
     reading = Reading(arguments.linear, arguments.crop, channels)
     scenes, failures = team.read(arguments.scenes, Path(arguments.output), reading)
     chosen = tuple(method.name for method in methods)

@@ -61,8 +61,7 @@ def _fraction(text: str) -> float:
     return float(number) / float(divisor if slash else 1)
 
 
-def names(text: str) -> list[str]:
-    """The type of an option that takes names with commas between them."""
+def _names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
@@ -75,6 +74,7 @@ count = value(int, "a whole number from 1 on", lambda number: number >= 1)
 natural = value(int, "a whole number from 0 on", lambda number: number >= 0)
 amount = value(_fraction, "a number from 0 on", lambda number: 0 <= number < float("inf"))
 factor = value(_fraction, "a number, or a fraction such as 1/4")
+names = value(_names, "a name, or several with commas between them", bool)
 file_name = value(str, "the name of a file", bool)  # an empty variable of a shell
 letters = value(str, "letters such as RGB", str.isalpha)
 _origin = value(_row_and_column, "a row and a column, such as 2,3")

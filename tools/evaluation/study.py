@@ -287,8 +287,7 @@ class Team:
         scenes, remarks = distinct(scenes)
         self.console.note(*left_out, *remarks)
         if not scenes:
-            expected = "a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT"
-            self.console.error(f"no scene could be read; {expected}")
+            self.console.error("no scene could be read; the lines above say why")
         return scenes, failures
 
     def measure(self, study: Study, folder: Path, todo: Sequence[Case]) -> list[str]:

@@ -118,6 +118,7 @@ USAGE = {
     "evaluate builtin:60x60 -o out": {
         "--sigma 0,-1": "--sigma is -1.0, expected 0 to 1000",
         "--max-memory lots": "--max-memory: 'lots' is not a size",
+        "--pattern ''": "--pattern: '' is not a name, or several",
         "--rival net.pt": "--rival is net.pt, expected a file that ends with .onnx",
         "--pattern mine.txt,two/mine.txt": "different patterns are called 'mine'",
         f"--pattern K=6,{BANDS}": "no scene fits patterns for RGB and for VRGNU",
