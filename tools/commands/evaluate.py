@@ -27,7 +27,7 @@ from ..io.scene import RGB
 from ..io.versions import program_version
 from ..simulation.pattern_text import read_pattern
 from ..simulation.protocols import chosen_protocol
-from .options import TILE_NAMES, add, count, names, numbers
+from .options import TILE_NAMES, add, count, names, numbers, pixel_limit
 
 USAGE = "SCENE ... -o DIR"
 _COMPARED = "--sigma 0,0.01 --methods best,paper,dlmmse --crop 600"
@@ -123,7 +123,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: Team) -> tuple
     names = [tile.name for tile in tiles]
     if alike := [name for name in names if names.count(name) > 1]:
         raise InputError(f"different patterns are called {alike[0]!r}; rename the file of one")
-    reading = Reading(arguments.linear, arguments.crop, channels)
+    reading = Reading(arguments.linear, arguments.crop, channels, pixel_limit())
     scenes, failures = team.read(arguments.scenes, Path(arguments.output), reading)
     chosen = tuple(method.name for method in methods)
     own_sources = tuple((method.name, method.source) for method in methods if method.source)

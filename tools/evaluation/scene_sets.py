@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...shared import FloatArray, InputError
-from ...shared.reading import naming
+from ...shared.reading import MAX_PIXELS, naming
 from ...shared.white_balance import shades_of_grey
 from ..batch.folders import search
 from ..io.scene import RGB, Scene
@@ -75,11 +75,14 @@ class Reading:
         Longest side, pixels; None = whole scenes.
     channels : str
         Letters of the channels that every scene has.
+    max_pixels : int
+        Larger files are refused.
     """
 
     linear: bool = False
     largest: int | None = None
     channels: str = RGB
+    max_pixels: int = MAX_PIXELS
 
     @lru_cache(maxsize=1)  # noqa: B019 (keeps one: methods are measured scene by scene)
     def scene(self, info: SceneInfo) -> Scene:
@@ -106,15 +109,16 @@ class Reading:
 
 def _loaded(source: str, reading: Reading) -> Scene:
     """Return the scene, cut."""
-    scene = load_scene(source, linear=reading.linear, channels=reading.channels)
-    if scene.channels != (needed := reading.channels):
+    needed, most = reading.channels, reading.max_pixels
+    scene = load_scene(source, linear=reading.linear, max_pixels=most, channels=needed)
+    if scene.channels != needed:
         raise InputError(f"its channels are {scene.channels}, and `pattern` needs {needed}")
     rows, columns = (_kept(size, reading.largest) for size in scene.shape)
     rgb = np.ascontiguousarray(scene.rgb[rows, columns])
     if min(rgb.shape[:2]) < _LEAST_SIDE:
         size = f"{rgb.shape[1]} x {rgb.shape[0]} pixels"
         least = f"{_LEAST_SIDE} each way at least, also of `crop`, for one patch within the border"
-        raise InputError(f"{size} are too few: {least}")
+        raise InputError(f"{size} are left, too few: {least}")
     return replace(scene, rgb=rgb)
 
 

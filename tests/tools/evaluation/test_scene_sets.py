@@ -51,7 +51,7 @@ def test_scenes_are_cut_and_small_ones_refused(tmp_path: Path) -> None:
     assert Reading().scene(info).rgb.shape == (info.rows, info.columns, 3) == (60, 78, 3)
     assert Reading(largest=50).info(path).rows == 48
     np.save(path, RNG.random((41, 80, 3)).astype(np.float32))
-    with pytest.raises(InputError, match="78 x 36 pixels are too few"):
+    with pytest.raises(InputError, match="78 x 36 pixels are left, too few"):
         Reading().info(path)
 
 
@@ -90,8 +90,7 @@ def test_gehlers_set_is_recognised_and_no_other_picture_taken_for_it(tmp_path: P
         scene = load_scene(str(tmp_path / f"{name}.png"))
         expected = (pixels[..., 0] - black) / (white - black)
         np.testing.assert_allclose(scene.rgb[..., 0], expected, atol=1e-6)
-        said = f"black level {black}" in " ".join(scene.notes)
-        assert said == bool(camera)
+        assert (f"black level {black}" in " ".join(scene.notes)) == bool(camera)
         assert camera in " ".join(scene.notes)
 
 
@@ -118,9 +117,8 @@ def test_share_and_light() -> None:
     """A colour pixel collects a third of the light of a panchromatic one; cyan, magenta and yellow
     ones two thirds.
     """
-    assert Tile.named(CfaPattern.bayer(6)).light == pytest.approx(
-        CfaPattern.bayer(6).light_efficiency()
-    )
+    bayer = CfaPattern.bayer(6)
+    assert Tile.named(bayer).light == pytest.approx(bayer.light_efficiency())
     assert Tile("", BROADBAND).light == pytest.approx((12 * 3 + 4 * 2) / 16)
     five = named("VRGWWW/NUGWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW")
     # a site of five lets a fifth of the light through
