@@ -91,8 +91,7 @@ def test_the_map_shows_how_bright_every_site_is(tmp_path: Path, out: Path) -> No
     shown = imagecodecs.png_decode((out / "sony-tile.png").read_bytes())
     cell = shown.shape[0] // 4
     corners = shown[4::cell, 4::cell][:4, :4, 0]
-    light = np.array(record["light"])
-    assert np.corrcoef(corners.ravel(), light.ravel())[0, 1] > 0.999
+    assert np.corrcoef(corners.ravel(), np.array(record["light"]).ravel())[0, 1] > 0.999
     again = run("identify", "-o", out, tmp_path / "sony.npy")
     assert "exists already; use --overwrite" in again.errors[0]
 

@@ -233,8 +233,7 @@ def test_scenes_are_resumed_tried_and_made_several_at_a_time(tmp_path: Path, out
     outcome = run(*line, "--resume -o", out, code=0)
     assert "up to date" not in outcome.out
     assert outcome.err.count("has changed since it was made; it is kept as") == 2
-    again = contents(out)
-    assert {name for name, data in made.items() if data != again[name]} == {JOURNAL}
+    assert {name for name, data in made.items() if data != contents(out)[name]} == {JOURNAL}
     run(*line, "--seed 1 --resume -o", out, code=0)
     assert contents(out)["builtin-72x60-1.dng"] != made["builtin-72x60-1.dng"]
     for gamma in (0.9, 0.8):

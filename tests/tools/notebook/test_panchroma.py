@@ -446,8 +446,7 @@ def test_files_are_file_objects_too(shot: panchroma.Shot, tmp_path: Path) -> Non
     two[1].save(files[1])
     objects = [io.BytesIO(path.read_bytes()) for path in files]
     assert np.array_equal(panchroma.burst(objects).rgb, panchroma.burst(files).rgb)
-    darks = panchroma.calibrate(dark=io.BytesIO(dark.read_bytes()))
-    assert darks.camera == measured.camera
+    assert panchroma.calibrate(dark=io.BytesIO(dark.read_bytes())).camera == measured.camera
 
 
 def test_a_lens_is_simulated_and_known() -> None:
