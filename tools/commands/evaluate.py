@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     own = "yours by FILE.py:FUNCTION or MODULE:FUNCTION, which makes a picture of a Mosaic"
     methods = f"methods to compare, {own} (default: all installed; an unknown name lists them)"
     what.add_argument("--methods", metavar="NAME,...", type=names, default=[], help=methods)
-    rivals = "a network for Bayer mosaics, FILE.json says how it is fed; repeat it for more"
+    rivals = "network for Bayer mosaics; FILE.json beside it says how it is fed; repeat it for more"
     what.add_argument("--rival", metavar="FILE.onnx", action="append", default=[], help=rivals)
     crop = "use only the middle of each scene, for a quick look"
     what.add_argument("--crop", metavar="PIXELS", type=count, help=crop)
