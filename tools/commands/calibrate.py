@@ -12,11 +12,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...shared import Camera
+from ...shared import Camera, read_dng
 from ...shared.colorimetry import Matrix
 from ..batch.console import Console
 from ..batch.jobs import FAILED, output_folder, refuse_existing, write_report
-from .options import add, numbers, text, value
+from .options import add, numbers, pixel_limit, text, value
 
 if TYPE_CHECKING:
     from ..calibration.conclude import Result
@@ -97,7 +97,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         refuse_existing((page,))
     measured = Measurements(read_reference(arguments.chart), old=old)
     try:
-        session = Session(console, measured, arguments.sensor)
+        read = partial(read_dng, max_pixels=pixel_limit())
+        session = Session(console, measured, arguments.sensor, read)
         result = calibrated(session, files, corners, str(output))
     except NoCameraError as error:
         return _refuse(output, str(error), console)

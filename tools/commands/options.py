@@ -89,7 +89,8 @@ def text(argument: str) -> str:
 
 
 _CHOSEN = "resume", "overwrite", "dry_run"
-_OF_A_RUN = {*_CHOSEN, *names("output,jobs,json,quiet,verbose,scenes,shots,export,truth")}
+_SAID = "json", "quiet", "verbose"
+_OF_A_RUN = {*_CHOSEN, *_SAID, "output", "jobs", "scenes", "shots", "export", "truth"}
 Option = tuple[list[str], dict[str, Any]]
 """Names of an option, and the settings of `add_argument`."""
 

@@ -149,7 +149,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         size = f"{columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits"
         written = [str(path) for path in job.outputs if not (missing and path == beside[1])]
         facts = {"outputs": written, "width": columns, "height": rows}
-        facts |= {"reference": str(shots[0])} if is_series else {}
+        if is_series:
+            facts["reference"] = str(shots[0])
         return Outcome(facts, tuple(f"{shot}: {size}" for shot in shots))
 
     scenes = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn, set_aside=set_aside)

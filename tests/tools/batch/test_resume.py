@@ -80,6 +80,8 @@ def test_a_limit_holds_in_every_process(
     outcome = render(shots, out, "--jobs", "2")
     assert (outcome.code, outcome.err.count("the limit is 220")) == (1, 3), outcome.err
     assert "the limit of 220;" in run("evaluate builtin:60x60 -o", out, code=1).err
+    refused = run("calibrate", shots, "-o", out / "camera.json", code=1)
+    assert "the limit is 220" in refused.err
 
 
 def test_a_changed_shot_is_rendered_anew_and_a_touched_one_is_not(shots: Path, out: Path) -> None:
