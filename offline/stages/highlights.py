@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 
 from ...shared import CfaPattern, Mosaic, NoiseModel
 from ...shared.arrays import STRIP, BoolArray, ByteArray, DoubleArray, FloatArray
@@ -210,9 +211,8 @@ def unmeasured(lowest: DoubleArray, highest: DoubleArray, gone: DoubleArray) -> 
     """
     none, all_known = _MEASURES
     inside = np.clip((lowest - none) / (all_known - none), 0, 1)
-    near, beside, wide = _largest_near(inside), _largest_near(inside * gone), inside * (1 - gone)
-    for _ in range(_FARTHEST):
-        wide = _largest_near(wide)
+    near, beside = maximum_filter(inside, 3), maximum_filter(inside * gone, 3)
+    wide = maximum_filter(inside * (1 - gone), 2 * _FARTHEST + 1)
     near = np.maximum(near, (highest >= 1) * wide)
     return 1 - near + near * (inside * gone + (1 - inside) * beside)
 
@@ -234,10 +234,3 @@ def shown_at_sites(lost: FloatArray, clear: BoolArray, pattern: CfaPattern) -> B
     total, count = filtered(np.stack([lost.clip(0, 1), clear]), even)
     mean = total / np.maximum(count, _LEAST_COUNT)
     return np.rint(255 * np.where(clear, lost, mean).clip(0, 1)).astype(np.uint8)
-
-
-def _largest_near(plane: DoubleArray) -> DoubleArray:
-    """The largest of what is not negative in each place and the eight around it."""
-    wide, (rows, columns) = np.pad(plane, 1), plane.shape
-    tall = np.maximum.reduce([wide[down : down + rows] for down in range(3)])
-    return np.maximum.reduce([tall[:, right : right + columns] for right in range(3)])
