@@ -48,29 +48,8 @@ _BRIGHT = 0.92  # of the limit: brighter samples count less, in a bracket
 _HALO = sum(len(gaussian(sigma)) // 2 for sigma in (NEIGHBOURHOOD, _WIDE)) + _FRINGE // 2
 
 
-class BlockColours(NamedTuple):
-    """Readings of the whole blocks of a frame, float64, units of the reference.
-
-    Attributes
-    ----------
-    channels : DoubleArray
-        Times gamma, (C, rows, columns).
-    luminance : DoubleArray
-        (rows, columns).
-    contrast : DoubleArray
-        Variance of luminance around them, without noise, (rows, columns).
-    noise : DoubleArray
-        Variance of the noise of `channels`, that of luminance included, (C, rows, columns).
-    known : BoolArray
-        Whether they are lit beyond noise, and neither they nor luminance around them are clipped,
-        (rows, columns).
-    """
-
-    channels: DoubleArray
-    luminance: DoubleArray
-    contrast: DoubleArray
-    noise: DoubleArray
-    known: BoolArray
+BlockColours = tuple[DoubleArray, DoubleArray, DoubleArray, DoubleArray, BoolArray]
+"""See `block_colours`."""
 
 
 class Reference(NamedTuple):
@@ -90,11 +69,6 @@ class Reference(NamedTuple):
     frame: View
     lit_evenly: View
     colours: BlockColours
-
-    @classmethod
-    def of(cls, shot: Mosaic, frame: View) -> "Reference":
-        """A frame with what others are compared with."""
-        return cls(shot, frame, lit_evenly(frame, shot), block_colours(frame, shot))
 
 
 def lit_evenly(view: View, shot: Mosaic) -> View:
@@ -302,8 +276,20 @@ def _on_pixels(deviation: FloatArray, motion: Motion, mosaic: Mosaic, rows: slic
 
 
 def block_colours(frame: View, mosaic: Mosaic) -> BlockColours:
-    """The colours of the blocks of a frame, which is in units of the reference. mosaic: the
-    reference.
+    """Readings of the whole blocks of a frame, which is in units of the reference; float64.
+
+    Parameters
+    ----------
+    mosaic : Mosaic
+        The reference.
+
+    Returns
+    -------
+    BlockColours
+        Channels times gamma, (C, rows, columns); luminance, and its variance around them without
+        noise, (rows, columns) each; variance of the noise of the channels, that of luminance
+        included, (C, rows, columns); and whether they are lit beyond noise, and neither they nor
+        luminance around them are clipped, (rows, columns).
     """
     gamma, sites = np.array(mosaic.calibration.gamma), Sites.in_frame(mosaic)
     seen = sites.of(frame.luminance).mean(axis=2, dtype=np.float64)
@@ -322,5 +308,4 @@ def block_colours(frame: View, mosaic: Mosaic) -> BlockColours:
     clipped = maximum_filter(frame.luminance, _AROUND) >= CLIPPED * frame.limit
     whole = frame.colours < CLIPPED * frame.limit * np.asarray(frame.colour_gains)
     known: BoolArray = whole.all(axis=2) & ~sites.of(clipped).any(axis=2) & (seen == luminance)
-    planes = np.moveaxis(channels, 2, 0), luminance, contrast, np.moveaxis(noise, 2, 0)
-    return BlockColours(*planes, known)
+    return np.moveaxis(channels, 2, 0), luminance, contrast, np.moveaxis(noise, 2, 0), known

@@ -21,7 +21,7 @@ from ..stages.defects import mend_defects
 from ..stages.highlights import restore_highlights
 from ..stages.luminance import recover_luminance
 from ..stages.noise import NoiseSettings, estimate_noise, rounding_noise
-from .agree import Reference, agreement, lit_evenly, shaded_alike, unclipped
+from .agree import Reference, agreement, block_colours, lit_evenly, shaded_alike, unclipped
 from .align import CLIPPED, TINY, View, align
 from .motion import Motion, displaced
 
@@ -196,7 +196,8 @@ def compare_frames(
         cleaned = restore_highlights(cleaned, settings.highlights)
         luminance = recover_luminance(cleaned.mosaic, settings.luminance)
         base = replace(frames[number], luminance=luminance)
-        compared_with = Reference.of(shots[number], base)
+        seen = lit_evenly(base, shots[number]), block_colours(base, shots[number])
+        compared_with = Reference(shots[number], base, *seen)
         verdicts, kept = list[Judged](), list[Kept]()
         for index, (shot, frame, motion) in enumerate(zip(shots, frames, motions, strict=True)):
             progress.advance()
