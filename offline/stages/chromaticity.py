@@ -76,10 +76,9 @@ def estimate_chromaticities(
 
     def constrain(rows: slice) -> None:
         total = (chromaticity[rows] @ gamma)[..., None]
-        scaled[rows] = chromaticity[rows] / np.where(total > _LEAST_TOTAL, total, 1)
-        if total.min() <= _LEAST_TOTAL:
-            projected = chromaticity[rows] + (1 - total) * gamma / (gamma @ gamma)
-            scaled[rows] = np.where(total > _LEAST_TOTAL, scaled[rows], projected)
+        projected = chromaticity[rows] + (1 - total) * gamma / (gamma @ gamma)
+        inside = chromaticity[rows] / np.maximum(total, _LEAST_TOTAL)
+        scaled[rows] = np.where(total > _LEAST_TOTAL, inside, projected)
 
     in_strips(constrain, len(scaled), BLOCK_ROWS)
     return frame.sites.grid.extend(scaled.astype(np.float32))
