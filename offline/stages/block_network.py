@@ -290,28 +290,15 @@ def block_planes(
     single = _unit((x * y + prior * proposals[0]) / (x**2 + prior)).clip(-0.5, 1.5)
     similar = (_planes(chromaticity[rows] * gamma) for chromaticity in alike)
     fits = [_line(smoothed(moments, width), x, square, a) for width in LINES]
-
-    def seen() -> Iterator[FloatArray]:
-        yield (3 * y - x) / a
-        yield (y.sum(axis=0, keepdims=True, dtype=np.float32) - x) / a
-        yield (own - x) / a
-        yield (own - f) / a
-        yield x / a
-        yield low / a
-        yield high / a
-        yield np.log2(s / a + _LEAST) / 4
-        yield np.asarray(np.log2(b + _LEAST) / 8, np.float32)
-        yield _planes(clipped / 2)
-        yield np.full_like(x, np.log2(sites.grid.period / 6))
-        for spread, missed, _, _ in fits:
-            yield from (spread, missed)
-        yield from (3 * slope for *_, slope, _ in fits)
-        yield from (3 * z - 1 for z in (single, *proposals, *similar, *(z for *_, z in fits)))
-
-    planes, filled = np.empty((PLANES, *at_sites.shape), np.float32), 0
-    for values in seen():
-        planes[filled : filled + len(values)] = values
-        filled += len(values)
+    excess = y.sum(axis=0, keepdims=True, dtype=np.float32) - x
+    shown = [plane / a for plane in (3 * y - x, excess, own - x, own - f, x, low, high)]
+    shown += [np.log2(s / a + _LEAST) / 4, np.log2(b + _LEAST) / 8, _planes(clipped / 2)]
+    shown.append(np.full_like(x, np.log2(sites.grid.period / 6)))
+    for spread, missed, _, _ in fits:
+        shown += [spread, missed]
+    shown += [3 * slope for *_, slope, _ in fits]
+    shown += [3 * z - 1 for z in (single, *proposals, *similar, *(z for *_, z in fits))]
+    planes = np.concatenate(shown, dtype=np.float32)
     return np.clip(planes, -RANGE, RANGE, out=planes), at_sites * level
 
 
