@@ -175,7 +175,7 @@ def test_what_makes_no_burst_is_refused() -> None:
         merge_burst([])
     with pytest.raises(InputError, match="2 frames and 1 motions"):
         merge_burst(frames, motions=MOTIONS[:1])
-    with pytest.raises(InputError, match="reference is None, expected the index of the frame"):
+    with pytest.raises(InputError, match="reference is None, expected the index of a frame"):
         merge_burst(frames, motions=MOTIONS[:2])
     for index in (-1, 2, 0.5):
         with pytest.raises(InputError, match=f"reference is {index}, expected .* a frame, 0 to 1"):
