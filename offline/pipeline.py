@@ -331,22 +331,18 @@ def run_row_stages(
     check_halos: bool = False,
 ) -> Iterator[Band]:
     """The picture of what was measured, in bands, in scene units."""
-    made = _make_stages(stages, measured, settings)
-    coloured = any(isinstance(stage, Propagation) for stage in made)
-    grey = _grey_bands(measured, progress, whole=not coloured)
+    made, grey = _make_stages(stages, measured, settings), _grey_bands(measured, progress)
     return iter(run_stages(grey, made, measured.shape[0], progress, check_halos=check_halos))
 
 
-def _grey_bands(measured: Frame, progress: Progress, *, whole: bool) -> Iterator[Band]:
-    """The picture without colour. whole: its chromaticity is in memory, for kernels, and not one
-    value for all pixels.
-    """
+def _grey_bands(measured: Frame, progress: Progress) -> Iterator[Band]:
+    """The picture without colour."""
     steps, grey = band_rows(measured.grid), np.float32(measured.mosaic.calibration.grey)
     progress.stage("colouring pixels", len(steps))
     for first, end in steps:
         luminance = measured.luminance[first:end]
-        chromaticity = np.broadcast_to(grey, (*luminance.shape, len(measured.gamma)))
-        yield Band(first, luminance, chromaticity.copy() if whole else chromaticity)
+        chromaticity = np.full((*luminance.shape, len(measured.gamma)), grey)
+        yield Band(first, luminance, chromaticity)
         progress.advance()
 
 
