@@ -279,14 +279,10 @@ def kernel_cache() -> Path:
     >>> kernel_cache().is_absolute()
     True
     """
-    return next(filter(_is_used, _folders(len(kernels))), None) or writable_cache()
-
-
-def _is_used(folder: Path) -> bool:
-    """True if kernels are kept in a folder, and may be read."""
-    with suppress(OSError):
-        return any(os.access(path, os.R_OK) for path in folder.glob("*.zip"))
-    return False
+    for folder in _folders(len(kernels)):
+        if any(os.access(path, os.R_OK) for path in folder.glob("*.zip")):
+            return folder
+    return writable_cache()
 
 
 def writable_cache() -> Path:
