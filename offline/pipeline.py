@@ -89,7 +89,7 @@ def row_stages(frame: Frame, settings: RenderSettings) -> list[RowStage]:
     """
     # c, Eqs. 10-14
     stages: list[RowStage] = [Propagation(frame, settings.affinity, settings.propagation)]
-    if settings.refinement.used:  # c+, Eqs. 15-16
+    if settings.refinement.repetitions:  # c+, Eqs. 15-16
         stages.append(Refinement(frame, settings.refinement))
     if frame.fill_error.size:
         stages.append(SiteResidual(frame))

@@ -58,7 +58,8 @@ class RenderSettings:
         """True if the result depends on which samples are saturated; if not, `in_scene_units`
         renders the same.
         """
-        return self.defects.used or self.highlights.used or self.asks_for_sites
+        mended = self.defects.listed or self.defects.contrast > 0
+        return mended or self.highlights.restored or self.asks_for_sites
 
     @property
     def asks_for_sites(self) -> bool:

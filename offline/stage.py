@@ -67,24 +67,11 @@ def _is_a(value: Any, kind: Any) -> bool:
 
 
 class StageSettings:
-    """Base of the settings of a stage: their ranges, and whether it is used.
-
-    Attributes
-    ----------
-    asked_by : tuple[str, ...]
-        Settings of which one has to be on (not False, 0 or empty), or the stage changes nothing.
-    """
-
-    asked_by: tuple[str, ...] = ()
+    """Base of the settings of a stage: their ranges."""
 
     def __post_init__(self) -> None:
         """See `check_settings`."""
         check_settings(self, type(self).__name__.removesuffix("Settings").lower() + ".")
-
-    @property
-    def used(self) -> bool:
-        """True if the stage changes anything."""
-        return not self.asked_by or any(getattr(self, name) for name in self.asked_by)
 
 
 @dataclass(frozen=True)

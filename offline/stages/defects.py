@@ -58,7 +58,6 @@ class DefectsSettings(StageSettings):
         0. Colour samples are judged by their blocks, with the same settings.
     """
 
-    asked_by = "listed", "contrast"
     listed: bool = False
     contrast: NotNegative = 0.0
     deviations: NotNegative = 6.0
@@ -87,7 +86,7 @@ def mend_defects(frame: Frame, settings: DefectsSettings, progress: Progress = S
     Defects are those in the calibration's list (places outside the frame are ignored) and isolated
     outliers that are not listed.
     """
-    if not settings.used:
+    if not (settings.listed or settings.contrast):
         return frame
     progress.stage("replacing defects", 2)
     bad = _listed(frame.mosaic) if settings.listed else np.zeros(frame.shape, np.bool_)

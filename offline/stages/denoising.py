@@ -61,7 +61,6 @@ class DenoisingSettings(StageSettings):
         Threshold of the first pass, in standard deviations of the noise.
     """
 
-    asked_by = ("strength",)
     strength: NotNegative = 0.0
     sizes: Annotated[tuple[int, ...], _SIZES] = (4, 12)
     threshold: Positive = 2.4

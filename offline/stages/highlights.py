@@ -49,7 +49,6 @@ class HighlightsSettings(StageSettings):
         clipped, 0 to 1.
     """
 
-    asked_by = ("restored",)
     restored: bool = False
     shoulder: Between = 0.05
 
@@ -126,7 +125,7 @@ def restore_highlights(
         Free of defects: a single hot colour sample would pass for light.
     """
     signal, clipping, sites = frame.signal, frame.clipping, frame.sites
-    if not settings.used or not signal.max() >= clipping:
+    if not settings.restored or not signal.max() >= clipping:
         return frame
     progress.stage("restoring highlights", 1)
     samples, gamma, read = frame.samples, frame.gamma, np.flatnonzero(sites.pattern.site_counts)

@@ -95,7 +95,6 @@ class PoolingSettings(StageSettings):
         the fewer sites it has.
     """
 
-    asked_by = ("passes",)
     passes: Annotated[tuple[PoolingPass, ...], _PASSES] = ()
     light: Positive = 0.25
     curvature_error: NotNegative = 0.05
@@ -149,7 +148,7 @@ def pooled_in_passes(
     `precise_sums`.
     """
     noise = frame.noise
-    if not settings.used or noise is None or not noise.of_colours:
+    if not settings.passes or noise is None or not noise.of_colours:
         return [blocks[frame.grid.whole]] * max(len(settings.passes), 1)
     progress.stage("pooling colour of blocks", len(settings.passes))
     sites, gamma, grey = frame.sites, frame.gamma, frame.mosaic.calibration.grey

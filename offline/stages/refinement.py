@@ -46,7 +46,6 @@ class RefinementSettings(StageSettings):
         0 to 64 ("multiple times" in the paper).
     """
 
-    asked_by = ("repetitions",)
     strength: NotNegative = 40.0
     floor: Positive = 1e-3
     blur: Annotated[float, Range(lambda value: 0 < value <= 8, "more than 0, 8 at most")] = 1 / 8
