@@ -22,7 +22,7 @@ import numpy as np
 from ...shared.arrays import Pair, mirrored
 from ..bands import Band, Halo, RowStage
 from ..frame import Frame
-from ..numerics.arrays import Floats1, Floats2, Floats3, Ints1
+from ..numerics.arrays import Floats1, Floats2, Floats3
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.functions import LEAST_EXPONENT, chunk_at, chunk_count, exponential, unset, zeros
 from ..numerics.gaussian import gaussian
@@ -89,9 +89,9 @@ class Refinement(RowStage):
         across = mirrored(np.arange(-margin, columns + margin), columns)
         # Beyond the rows of the band, weights alone are needed.
         at = (down - band.first).clip(0, len(band.chromaticity) - 1)
-        start = np.ascontiguousarray(band.chromaticity)
+        lit, start = luminance[np.ix_(down, across)], band.chromaticity[np.ix_(at, across)]
         window = Window(radius, blur, -0.5 / width**2, settings.repetitions)
-        average(start, luminance, Places(down, at, across), window, result)
+        average(lit, start, window, result)
         return Band(rows[0], band.rows(*rows).luminance, result)
 
 
@@ -99,26 +99,6 @@ _ROWS, _COLUMNS = 64, 240  # of a chunk; chosen for speed: no bit depends on it
 _TOGETHER = 4  # planes summed at a time
 _ZERO, _ONE = np.float32(0), np.float32(1)
 _SMALLEST_FLOAT = np.finfo(np.float32).tiny
-
-
-class Places(NamedTuple):
-    """Places of the rows and columns of a result, and those that it depends on.
-
-    Those are radius * (repetitions + 1) + half the taps of the blur more at both ends.
-
-    Attributes
-    ----------
-    rows : Ints1
-        In the frame.
-    start_rows : Ints1
-        In the chromaticities that are given.
-    columns : Ints1
-        In both.
-    """
-
-    rows: Ints1
-    start_rows: Ints1
-    columns: Ints1
 
 
 class Window(NamedTuple):
@@ -144,16 +124,17 @@ class Window(NamedTuple):
 
 @parallel_kernel(chunks=lambda *arguments: chunk_count(arguments[-1].shape[:2], (_ROWS, _COLUMNS)))
 def average(
-    chunks: Chunks, start: Floats3, luminance: Floats2, places: Places, window: Window, out: Floats3
+    chunks: Chunks, luminance: Floats2, start: Floats3, window: Window, out: Floats3
 ) -> None:
     """Average the chromaticities of Eq. 10 over some rows of the frame.
 
     Parameters
     ----------
-    start : Floats3
-        (rows, W, C), chromaticities.
     luminance : Floats2
-        (H, W), scene units.
+        Scene units; radius * (repetitions + 1) + half the taps of the blur more than `out` on all
+        sides.
+    start : Floats3
+        Chromaticities, (rows, columns, C) of the same pixels.
     out : Floats3
         (rows of the result, W, C), written.
     """
@@ -171,10 +152,8 @@ def average(
         top, bottom, left, right = chunk_at(chunk, (height, width), (_ROWS, _COLUMNS))
         below, after = bottom - top + margin, right - left + margin
         for row in range(below + margin):
-            source = luminance[places.rows[top + row]]
-            tints = start[places.start_rows[top + row]]
-            across = places.columns[left : left + after + margin]
-            _gather(source, tints, across, own[row, lead:], colour[:, row, lead:])
+            source = luminance[top + row, left : left + after + margin]
+            _gather(source, start[top + row, left:], own[row, lead:], colour[:, row, lead:])
         columns = begin, lead + after + margin - radius - reach
         _weigh(own, (2 * radius, below + margin - 2 * radius), columns, window, weights)
         for following in range(window.repetitions - 1, -1, -1):
@@ -183,22 +162,21 @@ def average(
             if following:
                 _lit(mean, rows, columns, colour)
         for row in range(margin, below):
-            before = start[places.start_rows[top + row], left:]
+            before = start[top + row, left + margin :]
             refined = out[top + row - margin, left : left + after - margin]
             _finish(mean[:, row, lead + margin :], before, refined)
 
 
 @kernel
-def _gather(source: Floats1, tints: Floats2, places: Ints1, lit: Floats1, colour: Floats2) -> None:
+def _gather(source: Floats1, tints: Floats2, lit: Floats1, colour: Floats2) -> None:
     """Copy a row of the frame, with luminance, and luminance times chromaticity: Eq. 16 multiplies
     weights by the other pixel's luminance.
     """
-    for column in range(len(places)):
-        lit[column] = source[places[column]]
+    for column in range(len(source)):
+        lit[column] = source[column]
         colour[0, column] = max(lit[column], _ZERO)
-    for channel in range(tints.shape[1]):
-        for column in range(len(places)):
-            colour[channel + 1, column] = colour[0, column] * tints[places[column], channel]
+        for channel in range(tints.shape[1]):
+            colour[channel + 1, column] = colour[0, column] * tints[column, channel]
 
 
 @kernel
