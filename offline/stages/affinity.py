@@ -31,7 +31,7 @@ from ...shared.arrays import BoolArray, FloatArray, Pair
 from ..numerics import conjugate_gradients as solver
 from ..numerics.arrays import Area, Doubles1, Floats1, Floats2, Floats3, Ints1
 from ..numerics.compile import Chunks, kernel, parallel_kernel
-from ..numerics.functions import chunk_at, chunk_count, exponential, unset, zeros
+from ..numerics.functions import chunk_at, chunk_count, exponential, zeros
 from ..numerics.gaussian import TRUNCATE
 from ..patches import HALO, chunk_patches, padded_rows, patches_of
 from ..stage import Between, Count, Range, StageSettings
@@ -186,11 +186,8 @@ def solve_fields(
         below, after = min(end + HALO, height), min(right + HALO, width)
         size = (below - above) * period, (after - before) * period
         tall, wide = size[0] + 2 * reach, size[1] + 2 * reach
-        luminance = unset(tall, wide)
-        for row in range(tall):
-            source, line = padded[above * period + row, before * period :], luminance[row]
-            for column in range(wide):
-                line[column] = source[column]
+        rows, columns = slice(above * period, above * period + tall), before * period
+        luminance = np.ascontiguousarray(padded[rows, columns : columns + wide])
         given = _given(pins, (above % 2 * period, before % 2 * period), size)
         links = solver.planes(4, size)
         _weigh(transmission(luminance, period, filters), links)
@@ -361,18 +358,15 @@ def _right_side(links: Floats3, values: Floats2, scale: Floats2, out: Floats2) -
 def _scale(links: Floats3, scale: Floats2) -> None:
     """Scale the links."""
     (rows, width), one, below = scale.shape, np.uintp(1), np.uintp(scale.shape[1])
-    right, down = links[0].reshape(-1), links[1].reshape(-1)
-    down_right, down_left = links[2].reshape(-1), links[3].reshape(-1)
     roots = scale.reshape(-1)
-    for row in range(solver.BORDER, rows - solver.BORDER):
-        for column in range(width):
-            here = np.uintp(row * width) + np.uintp(column)
-            # From left to right: both roots may be as large as 3e18, their product with a weight is
-            # at most one.
-            right[here] = right[here] * roots[here] * roots[here + one]
-            down[here] = down[here] * roots[here] * roots[here + below]
-            down_right[here] = down_right[here] * roots[here] * roots[here + below + one]
-            down_left[here] = down_left[here] * roots[here] * roots[here + below - one]
+    for link, step in enumerate((one, below, below + one, below - one)):
+        line = links[link].reshape(-1)
+        for row in range(solver.BORDER, rows - solver.BORDER):
+            for column in range(width):
+                here = np.uintp(row * width) + np.uintp(column)
+                # From left to right: both roots may be as large as 3e18, their product with a
+                # weight is at most one.
+                line[here] = line[here] * roots[here] * roots[here + step]
 
 
 @kernel
