@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from ..shared import BlockGrid, CfaPattern, Mosaic, NoiseModel
 from ..shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray, mirrored
@@ -104,21 +104,9 @@ class Sites:
         clear = self.pattern.panchromatic_mask((down + 2, across + 2), (top - 1, left - 1))
         return np.argwhere(clear) - 1
 
-    def of(self, plane: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[Any]:
-        """The values of a plane, (H, W), at all sites, (*B, S).
-
-        Parameters
-        ----------
-        dtype : DTypeLike | None, optional
-            Of the result; None = that of the plane.
-        """
-        values = np.empty((*self.shape, len(self.places)), dtype or plane.dtype)
-
-        def work(rows: slice) -> None:
-            values[rows] = self.in_rows(plane, rows)
-
-        in_strips(work, self.shape[0], BLOCK_ROWS)
-        return values
+    def of(self, plane: NDArray[Any]) -> NDArray[Any]:
+        """The values of a plane, (H, W), at all sites, (*B, S)."""
+        return self.in_rows(plane, slice(0, self.shape[0]))
 
     def in_rows(self, plane: NDArray[Any], rows: slice, first: int = 0) -> NDArray[Any]:
         """The values of a plane, whose first row is the frame's row `first`, at the sites of these
@@ -137,9 +125,7 @@ class Sites:
         """Residual of a band at the sites of these rows of blocks, (rows, columns, S)."""
         if band.residual is None:
             lacks = "no stage has measured the residual of the picture at the colour sites"
-            before = "the stage 'residual' has to come before"
-            kept = "stages of one's own keep Band.residual, as dataclasses.replace does"
-            raise InputError(f"{lacks}: {before}, and {kept}")
+            raise InputError(f"{lacks}; the stage 'residual' does, and others keep Band.residual")
         return self.in_rows(band.residual, rows, band.first)
 
     def means(self, values: NDArray[Any]) -> NDArray[Any]:
@@ -381,7 +367,7 @@ class Frame:
     @cached_property
     def samples(self) -> DoubleArray:
         """The samples at these sites, float64 (rows, columns, S)."""
-        return self.sites.of(self.signal, np.float64)
+        return self.sites.of(self.signal).astype(np.float64)
 
     @cached_property
     def around(self) -> Surroundings:
