@@ -13,10 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..shared import BlockGrid, CfaPattern, Mosaic, NoiseModel
+from ..shared import BlockGrid, CfaPattern, InputError, Mosaic, NoiseModel, Shading
 from ..shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray, mirrored
-from ..shared.errors import InputError
-from ..shared.shading import Shading
 from .bands import DARK, Band
 from .numerics.chunks import BLOCK_ROWS, in_strips
 

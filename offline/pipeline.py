@@ -11,9 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..shared.arrays import ByteArray, FloatArray
-from ..shared.errors import InputError
-from ..shared.mosaic import Mosaic
+from ..shared import ByteArray, FloatArray, InputError, Mosaic
 from ..shared.networks import network_for
 from ..shared.progress import SILENT, Progress
 from .bands import Band, Halo, RowStage, run_stages

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from .stage import Switch, check_settings
 from .stages.affinity import AffinitySettings
 from .stages.chromaticity import ChromaticitySettings
-from .stages.correction import PosteriorSettings
 from .stages.defects import DefectsSettings
 from .stages.denoising import DenoisingSettings
 from .stages.highlights import HighlightsSettings
@@ -21,10 +20,10 @@ class RenderSettings:
     """All settings of a render, one object per stage, in order of execution. The presets are
     `PAPER` and `BEST`.
 
-    Stages with a `Switch` are not in the paper: `BEST` has all of them, `PAPER` none. correction
-    distributes the residual of the picture at the colour sites (`stages.correction`); learned
-    corrects chromaticity by a network, where there is one for the pattern
-    (`stages.colour_network`).
+    Stages with a `Switch` are not in the paper: `BEST` has all of them, `PAPER` none. posterior
+    updates luminance at the colour sites once the colour of blocks is known; correction distributes
+    the residual of the picture there (`stages.correction`); learned corrects chromaticity by a
+    network, where there is one for the pattern (`stages.colour_network`).
 
     Examples
     --------
@@ -42,7 +41,7 @@ class RenderSettings:
     denoising: DenoisingSettings = DenoisingSettings()
     chromaticity: ChromaticitySettings = ChromaticitySettings()
     pooling: PoolingSettings = PoolingSettings()
-    posterior: PosteriorSettings = PosteriorSettings()
+    posterior: Switch = Switch()
     affinity: AffinitySettings = AffinitySettings()
     propagation: PropagationSettings = PropagationSettings()
     refinement: RefinementSettings = RefinementSettings()
@@ -82,7 +81,7 @@ BEST = RenderSettings(
     pooling=PoolingSettings(
         passes=(PoolingPass(0.7, 0.3, 7), PoolingPass(0.4, 3.0, 7), PoolingPass(0.3, 1.5, 22))
     ),
-    posterior=PosteriorSettings(used=True),
+    posterior=Switch(used=True),
     # likeness is for print
     propagation=PropagationSettings(softness=0.45, likeness=7.0),
     affinity=AffinitySettings(tolerance=3e-2),  # a smaller one shows in no photograph

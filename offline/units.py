@@ -10,10 +10,9 @@ from math import frexp
 
 import numpy as np
 
-from ..shared.arrays import FloatArray
-from ..shared.errors import InputError, RangeError
+from ..shared import FloatArray, InputError, Mosaic
+from ..shared.errors import RangeError
 from ..shared.figures import shown
-from ..shared.mosaic import Mosaic
 from .settings import RenderSettings
 
 _FARTHEST = 2.0**10

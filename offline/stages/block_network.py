@@ -46,9 +46,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from ...shared.arrays import FloatArray, IndexArray
+from ...shared import CfaPattern, FloatArray, IndexArray
 from ...shared.networks import NETWORKS, load_network
-from ...shared.pattern import CfaPattern
 from ...shared.progress import Progress
 from ..frame import Frame, mean_of_sites
 from ..numerics.chunks import in_chunks, in_strips

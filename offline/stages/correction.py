@@ -47,14 +47,6 @@ from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.gaussian import gaussian, smoothed
 from ..stage import Switch
 
-
-@dataclass(frozen=True)
-class PosteriorSettings(Switch):
-    """Update of luminance at the colour sites once the colour of blocks is known; not in the
-    paper.
-    """
-
-
 # Chosen on photographs. Error of filled luminance as a multiple of its curvature; pooling has a
 # setting of its own
 _CURVED = 0.7

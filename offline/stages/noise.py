@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...shared import Mosaic, NoiseModel
-from ...shared.arrays import BoolArray, DoubleArray, FloatArray
+from ...shared import BoolArray, DoubleArray, FloatArray, Mosaic, NoiseModel
 from ..stage import StageSettings
 
 
