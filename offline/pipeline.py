@@ -16,7 +16,6 @@ from ..shared.networks import network_for
 from ..shared.progress import SILENT, Progress
 from .bands import Band, Halo, RowStage, run_stages
 from .frame import BlockSums, Frame
-from .numerics.chunks import copy_into
 from .patches import band_rows
 from .settings import BEST, RenderSettings
 from .stages.block_network import learned_chromaticities, serves
@@ -144,8 +143,7 @@ def render(
     for band in run_row_stages(measured, settings, progress, stages, check_halos=check_halos):
         rows = slice(band.first, band.end)
         _apply_luminance(band, rgb[rows])
-        copy_into(luminance[rows], band.luminance)
-        copy_into(chromaticity[rows], band.chromaticity)
+        luminance[rows], chromaticity[rows] = band.luminance, band.chromaticity
     return Rendering(rgb, luminance, chromaticity, measured.lost)
 
 

@@ -7,15 +7,9 @@ with it: those that stay would be lost in a child made by fork. Several threads 
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
 
 from ...shared.arrays import STRIP, strips
 from ...shared.processors import chosen, threads
-
-Number = TypeVar("Number", bound=np.generic)
 
 BLOCK_ROWS = 32
 """Rows of blocks that are computed together, about as many rows of a picture as in `STRIP`."""
@@ -63,15 +57,3 @@ def in_strips(work: Callable[[slice], object], rows: int, height: int = STRIP) -
     """Call `work` for the slices of `strips(rows, height)`, as `in_chunks` does."""
     every = list(strips(rows, height))
     in_chunks(lambda first, _: work(every[first]), len(every))
-
-
-def copy_array(plane: NDArray[Number]) -> NDArray[Number]:
-    """A copy of an array: new memory takes as long to get as to write, and threads share that."""
-    made = np.empty(plane.shape, plane.dtype)
-    copy_into(made, plane)
-    return made
-
-
-def copy_into(target: NDArray[Any], source: NDArray[Any]) -> None:
-    """Copy an array to another of its shape, in `threads()` threads."""
-    in_strips(lambda rows: np.copyto(target[rows], source[rows]), len(target), STRIP // 4)

@@ -42,7 +42,7 @@ from ...shared.pattern import CfaPattern
 from ..bands import DARK, Band, Halo, RowStage
 from ..frame import Frame, Sites, mean_of_sites
 from ..numerics.arrays import Floats1, Floats2, Floats3, Floats4, Ints1
-from ..numerics.chunks import copy_array, in_chunks
+from ..numerics.chunks import in_chunks
 from ..numerics.compile import Chunks, parallel_kernel
 
 REACH = 5
@@ -137,7 +137,7 @@ class ColourNetwork(RowStage):
         count = 2 * -(-grid.shape[1] // (2 * _WIDEST))
         sides = _SIDE, -(-grid.shape[1] // count)
         result, basis = band.rows(*rows), np.empty_like(BASIS)
-        luminance, chromaticity = map(copy_array, (result.luminance, result.chromaticity))
+        luminance, chromaticity = result.luminance.copy(), result.chromaticity.copy()
         sites = Block.of(self.frame.pattern).sites(period)
         numbers = np.full(period**2, -1)
         numbers[sites] = np.arange(len(sites))

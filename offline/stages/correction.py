@@ -42,7 +42,7 @@ from ...shared.site_errors import nearness
 from ..bands import DARK, Band, Halo, RowStage
 from ..frame import Frame, curvature, mean_of_sites
 from ..numerics.arrays import Doubles1, Doubles2, Floats2, Floats3, Floats4
-from ..numerics.chunks import BLOCK_ROWS, copy_array, in_strips
+from ..numerics.chunks import BLOCK_ROWS, in_strips
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.gaussian import gaussian, smoothed
 from ..stage import Switch
@@ -83,7 +83,7 @@ def update_luminance(frame: Frame, settings: Switch) -> FloatArray:
     """
     if not settings.used:
         return frame.luminance
-    updated, unclipped = copy_array(frame.luminance), frame.unclipped
+    updated, unclipped = frame.luminance.copy(), frame.unclipped
     height, reach = len(unclipped), len(gaussian(_WIDTH)) // 2
 
     def work(inner: slice) -> None:
@@ -281,7 +281,7 @@ class Correction(RowStage):
         change, tints = estimate_errors(error, weight, frame, blocks)
         if frame.kept is not None:
             tints *= frame.kept[blocks, :, None, None]
-        luminance, chromaticity = copy_array(band.luminance), copy_array(band.chromaticity)
+        luminance, chromaticity = band.luminance.copy(), band.chromaticity.copy()
         for site, place in enumerate(places):
             before, after = luminance[place], luminance[place] + change[..., site]
             # what is not a number is to be seen, and refused

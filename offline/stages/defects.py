@@ -38,7 +38,7 @@ from ...shared import Mosaic, NoiseModel
 from ...shared.arrays import STRIP, BoolArray, DoubleArray, FloatArray, IndexArray
 from ...shared.progress import SILENT, Progress
 from ..frame import Frame
-from ..numerics.chunks import copy_array, in_strips
+from ..numerics.chunks import in_strips
 from ..numerics.functions import ORIENTATIONS
 from ..stage import NotNegative, Positive, StageSettings
 
@@ -100,7 +100,7 @@ def mend_defects(frame: Frame, settings: DefectsSettings, progress: Progress = S
     places = _places(bad)
     panchromatic = _panchromatic(frame, *places)
     if panchromatic.any():
-        signal = copy_array(frame.signal)
+        signal = frame.signal.copy()
         places = (places[0][panchromatic], places[1][panchromatic])
         signal[places] = predicted(frame, bad, places)
         frame = frame.with_samples(signal)
@@ -109,7 +109,7 @@ def mend_defects(frame: Frame, settings: DefectsSettings, progress: Progress = S
     if settings.contrast:
         _find_in_blocks(frame, bad_sites, settings)
     if bad_sites.any():
-        signal, (rows, columns) = copy_array(frame.signal), frame.sites.pixels
+        signal, (rows, columns) = frame.signal.copy(), frame.sites.pixels
         signal[rows[bad_sites], columns[bad_sites]] = _predicted_in_blocks(frame, bad_sites)
         frame = frame.with_samples(signal)
     progress.advance()

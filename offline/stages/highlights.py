@@ -30,7 +30,7 @@ from ...shared.arrays import STRIP, BoolArray, ByteArray, DoubleArray, FloatArra
 from ...shared.progress import SILENT, Progress
 from ...shared.white_balance import clipped_share, raised_to_white
 from ..frame import Frame
-from ..numerics.chunks import BLOCK_ROWS, copy_array, in_strips
+from ..numerics.chunks import BLOCK_ROWS, in_strips
 from ..numerics.gaussian import filtered, gaussian, smoothed
 from ..numerics.interpolation import interpolate
 from ..stage import Between, StageSettings
@@ -130,7 +130,7 @@ def restore_highlights(
     progress.stage("restoring highlights", 1)
     samples, gamma, read = frame.samples, frame.gamma, np.flatnonzero(sites.pattern.site_counts)
     neutral = np.array(frame.mosaic.calibration.neutral or np.ones(len(gamma)), samples.dtype)
-    result, total, gone = copy_array(signal), np.empty(sites.shape), np.empty(sites.shape)
+    result, total, gone = signal.copy(), np.empty(sites.shape), np.empty(sites.shape)
 
     def restore(rows: slice) -> None:
         means = sites.means(samples[rows])

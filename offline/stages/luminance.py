@@ -34,7 +34,7 @@ from ...shared import CfaPattern, Mosaic
 from ...shared.arrays import BORDER, BoolArray, FloatArray, IndexArray, Pair
 from ...shared.progress import SILENT, Progress
 from ..numerics.arrays import Bools2, Floats1, Floats2, Floats3, Floats4, Ints1, Ints2, Single
-from ..numerics.chunks import copy_array, in_strips
+from ..numerics.chunks import in_strips
 from ..numerics.compile import Chunks, kernel, parallel_kernel
 from ..numerics.functions import mirrored, scaled_reciprocal_root, zeros
 from ..numerics.gaussian import TRUNCATE, smoothed
@@ -120,7 +120,7 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
     rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) and len(columns):
         progress.stage("reconstructing luminance", -(-len(rows) // _ROWS))
-        start = copy_array(signal) if start is signal else start
+        start = signal.copy() if start is signal else start
         return _fill_isolated(start, pattern, (rows, columns), thresholds, progress)
     progress.stage("reconstructing luminance", settings.iterations)
     return fill(start, holes, thresholds, progress)

@@ -29,15 +29,11 @@ def test_every_chunk_is_worked_on_once(
 
 
 @pytest.mark.parametrize("rows", [0, 1, 5, 130])
-def test_strips_cover_every_row_once_and_copies_are_whole(
-    each_thread_count: Iterator[int], rows: int
-) -> None:
-    plane = np.arange(6.0 * rows).reshape(-1, 3).T[:, ::-2].T  # not contiguous
+def test_strips_cover_every_row_once(each_thread_count: Iterator[int], rows: int) -> None:
     for _ in each_thread_count:
         seen = np.zeros(rows, int)
         product.in_strips(lambda share, seen=seen: np.add.at(seen, share, 1), rows, 3)  # type: ignore[misc]
         assert (seen == 1).all()
-        assert np.array_equal(product.copy_array(plane), plane)
 
 
 def test_threads_work_side_by_side(each_thread_count: Iterator[int]) -> None:
