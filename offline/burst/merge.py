@@ -16,7 +16,7 @@ import numpy as np
 from ...shared import FloatArray, Mosaic, NoiseModel
 from ..frame import Sites
 from ..numerics.arrays import Area, Bools2, Bytes3, Doubles2, Floats2, Floats3, Ints2, Scalar
-from ..numerics.compile import Chunks, kernel, parallel_kernel
+from ..numerics.compile import ONE, ZERO, Chunks, kernel, parallel_kernel
 from ..numerics.functions import chunk_at, chunk_count, zeros
 from ..numerics.gaussian import gaussian, smooth_rows
 from ..numerics.interpolation import interpolated
@@ -32,7 +32,7 @@ _FILLED = 0.05  # weight of interpolated luminance where a frame has colour site
 _SPARSE = np.float32(0.05)
 # places of the grid: what is spread, and where its power is compared with noise
 _NARROW, _WIDE = gaussian(0.5), gaussian(2.0)
-_ZERO, _ONE, _LEAST = np.float32(0), np.float32(1), np.float32(1e-20)
+_LEAST = np.float32(1e-20)
 # relative precision, so that its square is a float: frames 10 stops brighter have less, and one
 # without noise too
 _MOST_PRECISION = 1e6
@@ -188,7 +188,7 @@ def _start(frames: Frames, area: Area, own: Area, noise_ratio: Floats2, extents:
             mean[row, column] /= total
             if own[0] <= y < own[1] and own[2] <= x < own[3]:
                 share = spreads[row, column] / (total * total)
-                noise_ratio[y, x] = share if share < _ALONE else _ONE
+                noise_ratio[y, x] = share if share < _ALONE else ONE
     fine = zeros(2 * rows - 1, 2 * columns - 1)
     for row in range(2 * rows - 1):
         for column in range(2 * columns - 1):
@@ -212,7 +212,7 @@ def _measured(panchromatic: Bools2, y: float, x: float) -> float:
 @kernel
 def _variance(noise: Doubles2, frame: int, signal: Scalar) -> float:
     """Variance of the noise of a frame's panchromatic samples, more than 0."""
-    return max(noise[frame, 0] * max(signal, _ZERO) + noise[frame, 1], _LEAST)
+    return max(noise[frame, 0] * max(signal, ZERO) + noise[frame, 1], _LEAST)
 
 
 @kernel
@@ -267,7 +267,7 @@ def _sharpen(fine: Floats2, samples: Floats2) -> None:
     smooth_rows(count, _NARROW, 0, rows, near)
     smooth_rows(count, _WIDE, 0, rows, wide)
     for _ in range(_ITERATIONS):
-        error[:] = power[:] = _ZERO
+        error[:] = power[:] = ZERO
         for sample in range(len(samples)):
             y, x, weight = samples[sample, 0], samples[sample, 1], samples[sample, 3]
             residual = samples[sample, 2] - interpolated(fine, y, x)
@@ -277,7 +277,7 @@ def _sharpen(fine: Floats2, samples: Floats2) -> None:
         smooth_rows(power, _WIDE, 0, rows, power_wide)
         for row in range(rows):
             for column in range(columns):
-                gain = max(_ZERO, _ONE - wide[row, column] / max(power_wide[row, column], _LEAST))
+                gain = max(ZERO, ONE - wide[row, column] / max(power_wide[row, column], _LEAST))
                 samples_near = near[row, column] + _SPARSE
                 fine[row, column] += gain * residual_near[row, column] / samples_near
 
@@ -288,7 +288,7 @@ def _splat(plane: Floats2, y: Scalar, x: Scalar, value: Scalar) -> None:
     top, left = int(y), int(x)
     bottom, right = min(top + 1, plane.shape[0] - 1), min(left + 1, plane.shape[1] - 1)
     down, across = y - np.float32(top), x - np.float32(left)
-    plane[top, left] += (_ONE - down) * (_ONE - across) * value
-    plane[top, right] += (_ONE - down) * across * value
-    plane[bottom, left] += down * (_ONE - across) * value
+    plane[top, left] += (ONE - down) * (ONE - across) * value
+    plane[top, right] += (ONE - down) * across * value
+    plane[bottom, left] += down * (ONE - across) * value
     plane[bottom, right] += down * across * value

@@ -53,6 +53,8 @@ Chunks = Pair
 call.
 """
 
+ZERO, ONE = np.float32(0), np.float32(1)
+"""Numbers of kernels: Python's own would make an expression double precision."""
 LITTLE = 1 << 15
 """A kernel none of whose arrays has more elements runs in the thread that calls it: to wake others
 costs more than it saves.

@@ -23,7 +23,7 @@ import numpy as np
 from ...shared.arrays import DoubleArray, FloatArray, IndexArray, Pair
 from ...shared.errors import ConvergenceError
 from .arrays import Floats1, Floats2, Floats3, Scalar
-from .compile import kernel
+from .compile import ONE, ZERO, kernel
 from .functions import unset, zeros
 
 TOGETHER = 3
@@ -36,7 +36,7 @@ _WIDTH = 16  # elements: rows are a multiple of it, so that loops over them have
 Index = np.unsignedinteger[Any]
 Steps = tuple[Index, Index]
 """Elements from a row to the next, and from a plane to the next."""
-_ZERO, _ONE, _NEXT = np.float32(0), np.float32(1), np.uintp(1)
+_NEXT = np.uintp(1)
 
 
 class System(NamedTuple):
@@ -77,7 +77,7 @@ def planes(count: int, size: Pair) -> FloatArray:
     result = unset(count, rows + 2 * BORDER, (columns + _WIDTH - 1) // _WIDTH * _WIDTH)
     for plane in range(count):
         for row in range(result.shape[1]):
-            result[plane, row, columns if BORDER <= row < BORDER + rows else 0 :] = _ZERO
+            result[plane, row, columns if BORDER <= row < BORDER + rows else 0 :] = ZERO
     return result
 
 
@@ -86,9 +86,9 @@ def cut(links: Floats3, size: Pair) -> None:
     """Set to zero the links that lead out of a rectangle."""
     rows, columns = size
     for row in range(BORDER, BORDER + rows):
-        links[:, row, columns:] = _ZERO
-        links[0, row, columns - 1] = links[2, row, columns - 1] = links[3, row, 0] = _ZERO
-    links[1:, BORDER + rows - 1] = _ZERO
+        links[:, row, columns:] = ZERO
+        links[0, row, columns - 1] = links[2, row, columns - 1] = links[3, row, 0] = ZERO
+    links[1:, BORDER + rows - 1] = ZERO
 
 
 @kernel
@@ -162,7 +162,7 @@ def solve(
         for field in range(count):
             turn = np.float32(squared[field] / before[field] if before[field] > 0 else 0)
             _turn(direction[field], better[field], turn)
-        _multiply(system.links, _ONE if scaled else _ZERO, direction, applied)
+        _multiply(system.links, ONE if scaled else ZERO, direction, applied)
         for field in range(count):
             if not scaled:
                 _add_product(system.diagonal[field], direction[field], applied[field])
@@ -260,7 +260,7 @@ def _inverses(diagonal: Floats3) -> FloatArray:
     result = unset(*diagonal.shape)
     source, out = diagonal.reshape(-1), result.reshape(-1)
     for index in range(len(out)):
-        out[index] = _ONE / source[index] if source[index] > _ZERO else _ZERO
+        out[index] = ONE / source[index] if source[index] > ZERO else ZERO
     return result
 
 

@@ -17,13 +17,12 @@ import numpy as np
 from ...shared.arrays import FloatArray
 from . import conjugate_gradients as solver
 from .arrays import Doubles1, Floats2, Floats3, Frozen2, Ints1
-from .compile import Chunks, kernel, parallel_kernel
+from .compile import ONE, ZERO, Chunks, kernel, parallel_kernel
 from .functions import ORIENTATIONS, chunk_at, chunk_count, zeros
 
 SIDE = 128
 """Rows and columns of a chunk, which is solved at a time. Chosen for speed."""
 _ITERATIONS = 1000  # at most; bursts of two to eight frames took 200 or less, in noise of 0 to 0.1
-_ZERO, _ONE, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
 
 
 class Prior(NamedTuple):
@@ -132,14 +131,14 @@ def _link(luminance: Floats2, prior: Prior, links: Floats3) -> None:
     scale, columns = np.float32(1 / prior.edge**2), luminance.shape[1]
     for link in range(len(ORIENTATIONS)):
         down, right = ORIENTATIONS[link]
-        weight = np.float32(prior.smoothness) * (_ONE if link < 2 else _HALF)
+        weight = np.float32(prior.smoothness if link < 2 else prior.smoothness / 2)
         first, end = max(-right, 0), columns - max(right, 0)
         for row in range(len(luminance) - down):
             here, there = luminance[row, first:end], luminance[row + down, first + right :]
             out = links[link, solver.BORDER + row, first:]
             for column in range(len(here)):
                 step = there[column] - here[column]
-                out[column] = weight / (_ONE + step * step * scale)
+                out[column] = weight / (ONE + step * step * scale)
 
 
 @kernel
@@ -155,9 +154,9 @@ def _solved(
     shape = degree.shape
     links, diagonal, residual = zeros(4, *shape), zeros(padded, *shape), zeros(padded, *shape)
     _link(luminance, prior, links)
-    residual[0] = _ONE
+    residual[0] = ONE
     solver.linked_sum(links, residual[0], degree)
-    residual[0] = _ZERO
+    residual[0] = ZERO
     for field in range(count):
         for row in range(rows):
             at, sums = solver.BORDER + row, degree[solver.BORDER + row]

@@ -30,7 +30,7 @@ from ...shared import BlockGrid, CfaPattern
 from ...shared.arrays import BoolArray, FloatArray, Pair
 from ..numerics import conjugate_gradients as solver
 from ..numerics.arrays import Area, Doubles1, Floats1, Floats2, Floats3, Ints1
-from ..numerics.compile import Chunks, kernel, parallel_kernel
+from ..numerics.compile import ONE, ZERO, Chunks, kernel, parallel_kernel
 from ..numerics.functions import chunk_at, chunk_count, exponential, zeros
 from ..numerics.gaussian import TRUNCATE
 from ..patches import HALO, chunk_patches, padded_rows, patches_of
@@ -138,7 +138,7 @@ def _pins(pattern: CfaPattern, grid: BlockGrid, columns: int) -> FloatArray:
     return classes.astype(np.float32)
 
 
-_ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
+_QUARTER = np.float32(0.25)
 _NO_ENERGY = np.float32(1e-30)  # scene units squared
 _LEAST_DIAGONAL = np.float32(1e-37)
 
@@ -251,7 +251,7 @@ def transmission(luminance: Floats2, period: int, filters: Filters) -> FloatArra
     rows, columns = luminance.shape[0] - 2 * reach, width - 2 * reach
     through, energy = solver.planes(2, (rows, columns)), zeros(2, period, width)
     for top in range(0, rows, period):
-        energy[:] = _ZERO
+        energy[:] = ZERO
         around = luminance[top : top + period + 2 * reach].reshape(-1)
         for scale in range(len(filters.smooth)):
             smooth, slope = filters.smooth[scale], filters.slope[scale]
@@ -278,7 +278,7 @@ def _add_energy(lit: Floats1, width: int, smooth: Floats1, slope: Floats1, energ
     for step in range(reach + 1):
         above, below = lit[(reach - step) * width :], lit[(reach + step) * width :]
         weight, rise = smooth[step], slope[step]
-        if weight == _ZERO:  # beyond the end of a smaller scale
+        if weight == ZERO:  # beyond the end of a smaller scale
             break
         for index in range(count):
             smoothed[index] += weight * (above[index] + below[index])
@@ -286,7 +286,7 @@ def _add_energy(lit: Floats1, width: int, smooth: Floats1, slope: Floats1, energ
     for step in range(reach + 1):
         left, right = smoothed[reach - step :], smoothed[reach + step :]
         weight, rise = smooth[step], slope[step]
-        if weight == _ZERO:  # beyond the end of a smaller scale
+        if weight == ZERO:  # beyond the end of a smaller scale
             break
         before, after = sloped[reach - step :], sloped[reach + step :]
         for index in range(count):
@@ -311,7 +311,7 @@ def _over_mean(energy: Floats2, columns: int) -> FloatArray:
     for left in range(0, columns, period):
         patch = sums[left : left + period]
         total = patch.sum()
-        patch[:] = np.float32(-period * period) / total if total > _NO_ENERGY else _ZERO
+        patch[:] = np.float32(-period * period) / total if total > _NO_ENERGY else ZERO
     return sums
 
 
@@ -328,12 +328,12 @@ def _start(links: Floats3, given: Floats3, width: int, scale: Floats2, residual:
     scale: d^(-1/2), 0 at the blocks.
     """
     solved, every = len(residual), zeros(*scale.shape)
-    every[:] = _ONE
+    every[:] = ONE
     solver.linked_sum(links, every, scale)
     for row in range(solver.BORDER, len(scale) - solver.BORDER):
         line, pinned = scale[row], given[solved, row]
         for column in range(width):
-            line[column] = (_ONE - pinned[column]) / np.sqrt(max(line[column], _LEAST_DIAGONAL))
+            line[column] = (ONE - pinned[column]) / np.sqrt(max(line[column], _LEAST_DIAGONAL))
     _right_side(links, given[solved], scale, every)
     norm, start = 0.0, every.reshape(-1)
     for field in range(solved):
@@ -386,13 +386,13 @@ def _finish(
             source, pin = solution[field, at][inner[1] :], given[field, at][inner[1] :]
             out = fields[field, row][left:]
             for column in range(len(sums)):
-                start = pin[column] + _QUARTER * (_ONE - pinned[column])
-                out[column] = max(start + roots[column] * source[column], _ZERO)
+                start = pin[column] + _QUARTER * (ONE - pinned[column])
+                out[column] = max(start + roots[column] * source[column], ZERO)
                 sums[column] += out[column]
         last = fields[_SOLVED, row][left:]
         for column in range(len(sums)):
-            last[column] = max(_ONE - sums[column], _ZERO)
-            sums[column] = _ONE / (sums[column] + last[column])
+            last[column] = max(ONE - sums[column], ZERO)
+            sums[column] = ONE / (sums[column] + last[column])
         for field in range(CLASSES):
             out = fields[field, row][left:]
             for column in range(len(sums)):

@@ -43,7 +43,7 @@ from ..bands import DARK, Band, Halo, RowStage
 from ..frame import Frame, Sites, mean_of_sites
 from ..numerics.arrays import Floats1, Floats2, Floats3, Floats4, Ints1
 from ..numerics.chunks import in_chunks
-from ..numerics.compile import Chunks, parallel_kernel
+from ..numerics.compile import ZERO, Chunks, parallel_kernel
 
 REACH = 5
 """Superpixels around a superpixel that a network sees."""
@@ -77,7 +77,7 @@ _FAINT = 0.01
 # superpixels of a chunk down and, at most, across: wider ones leave the processor's cache
 _SIDE, _WIDEST = 48, 96
 _HALO = REACH + MARGIN
-_ZERO, _THIRD = np.float32(0), np.float32(1 / 3)
+_THIRD = np.float32(1 / 3)
 # of luminance: more makes dark specks beside edges; added is at most luminance here and around
 _MOST_TAKEN = np.float32(0.4)
 
@@ -436,20 +436,20 @@ def add_answer(
             row, first = rows[down * period + pixel // period], pixel % period
             for across in range(width if 0 <= row < bottom else 0):
                 column = columns[across * period + first]
-                level = luminance[row, column] if 0 <= column < right else _ZERO
+                level = luminance[row, column] if 0 <= column < right else ZERO
                 if level <= DARK:
                     continue
                 colour = chromaticity[row, column]
                 safe = max(level * _THIRD, answer.dim[down, across])  # channels add up to this
-                step[:] = _ZERO
+                step[:] = ZERO
                 for k in range(2):
-                    here = _ZERO
+                    here = ZERO
                     for channel in range(3):
                         here += basis[k, channel] * gamma[channel] * colour[channel]
                     here *= level
                     change = answer.change[k, pixel, down, across] * answer.bound[down, across]
-                    change = max(change, min(answer.low[k, down, across] * safe - here, _ZERO))
-                    change = min(change, max(answer.high[k, down, across] * safe - here, _ZERO))
+                    change = max(change, min(answer.low[k, down, across] * safe - here, ZERO))
+                    change = min(change, max(answer.high[k, down, across] * safe - here, ZERO))
                     for channel in range(3):
                         step[channel] += basis[k, channel] * change
                 limit = max(level, abs(step[0]), abs(step[1]), abs(step[2]))

@@ -43,7 +43,7 @@ from ..bands import DARK, Band, Halo, RowStage
 from ..frame import Frame, curvature, mean_of_sites
 from ..numerics.arrays import Doubles1, Doubles2, Floats2, Floats3, Floats4
 from ..numerics.chunks import BLOCK_ROWS, in_strips
-from ..numerics.compile import Chunks, kernel, parallel_kernel
+from ..numerics.compile import ZERO, Chunks, kernel, parallel_kernel
 from ..numerics.gaussian import gaussian, smoothed
 from ..stage import Switch
 
@@ -60,7 +60,6 @@ _FLAT, _OWN_FLAT, _CURVATURE = np.float32(3), np.float32(4), np.float32(1000)
 _WIDTH = 0.7
 _LEAST_SHARE, _LEAST_POWER = 1e-6, np.float32(1e-30)  # keep quotients finite
 _RIDGE = 1e-6  # of D + T, added to v: equations can be solved where one error explains all sites
-_ZERO = np.float32(0)
 
 
 def fill_error(frame: Frame) -> FloatArray:
@@ -193,14 +192,14 @@ def posterior_means(chunks: Chunks, given: SiteErrors, change: Floats3, tints: F
             for s in range(count):
                 solution[s] = given.error[row, column, s]
                 for t in range(count):
-                    both = max(weight[s], _ZERO) * np.float64(max(weight[t], _ZERO))
+                    both = max(weight[s], ZERO) * np.float64(max(weight[t], ZERO))
                     covariance[s, t] = near[s, t] * (of_filled * both + of_colour * alike[s, t])
                 covariance[s, s] += given.noise[row, column, s] + ridge
             _solve(covariance, solution)
             for s in range(count):
                 of_site = 0.0
                 for t in range(count):
-                    of_site += near[s, t] * max(weight[t], _ZERO) * solution[t]
+                    of_site += near[s, t] * max(weight[t], ZERO) * solution[t]
                 change[row, column, s] = of_filled * of_site
                 for channel in range(channels):
                     of_site = 0.0

@@ -35,7 +35,7 @@ from ...shared.arrays import DoubleArray, FloatArray, IndexArray, Pair
 from ...shared.mosaic import Mosaic
 from ...shared.progress import SILENT, Progress
 from ..numerics.arrays import Area, Bools2, Floats1, Floats2, Floats3, Ints1, Single
-from ..numerics.compile import Chunks, kernel, parallel_kernel
+from ..numerics.compile import ONE, ZERO, Chunks, kernel, parallel_kernel
 from ..numerics.functions import chunk_at, chunk_count, mirrored, zeros
 from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, square_root, store, where_less
 from ..stage import NotNegative, Positive, Range, StageSettings
@@ -119,7 +119,6 @@ def cosines(size: int) -> FloatArray:
 _WINDOW = 256, 512  # rows and columns; chosen for speed
 # Pixels from one block to the next, down and across; chosen: one takes four times as long.
 _STEP = 2
-_ZERO, _ONE = np.float32(0), np.float32(1)
 # Least variance: sums of weights, which are up to 2000 times its inverse, stay finite.
 _LEAST_VARIANCE = np.float32(1e-20)
 
@@ -245,8 +244,8 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, shrinkage: 
     block, half = memory.block, memory.sums.shape[1] // _STEP
     forward, expected, backward = memory.halves[0], memory.halves[1], memory.halves[2]
     total = memory.halves[3, 0]
-    memory.sums[:] = _ZERO
-    memory.weights[:] = _ZERO
+    memory.sums[:] = ZERO
+    memory.weights[:] = ZERO
     for kind in range(len(shrinkage.sizes)):
         size, transform = shrinkage.sizes[kind], shrinkage.transforms[kind]
         for row in range(area[0] + (first + area[0]) % _STEP, area[1] - size + 1, _STEP):
@@ -254,8 +253,8 @@ def _aggregate(memory: Memory, guided: bool, area: Area, first: int, shrinkage: 
             _down(memory.samples, row, size, transform, block[1], forward)
             if guided:
                 _down(memory.pilot, row, size, transform, block[1], expected)
-            backward[:size] = _ZERO
-            total[:] = _ZERO
+            backward[:size] = ZERO
+            total[:] = ZERO
             # Lanes beyond the last block reach only columns that nobody takes: fewer than `size` at
             # the end of the area.
             for column in range(area[2] + shift, area[3] - size + 1, _STEP * WIDTH):
@@ -318,7 +317,7 @@ def _transform(
     for even in range(0, size, 4):
         for odd in range(2):
             k = even + odd
-            a = b = c = d = load(folded, (0, 0)) * _ZERO
+            a = b = c = d = load(folded, (0, 0)) * ZERO
             for i in range(size // 2):
                 place = odd * size + 2 * i
                 x, y = load(folded, (place, 0)), load(folded, (place + 1, 0))
@@ -336,17 +335,17 @@ def _shrink(block: Floats3, size: int, guided: bool, shrinkage: Shrinkage) -> La
     Returns the weights.
     """
     guide, squared = 2 if guided else 0, shrinkage.threshold * shrinkage.threshold
-    mean = greater(load(block, (guide, 0, 0)), _ZERO)  # n times the mean of the block
+    mean = greater(load(block, (guide, 0, 0)), ZERO)  # n times the mean of the block
     variance = mean * (shrinkage.shot / np.float32(size)) + shrinkage.read * shrinkage.read
     variance = greater(variance, _LEAST_VARIANCE)
-    kept = variance * _ZERO + _ONE
+    kept = variance * ZERO + ONE
     for place in range(1, size * size):
         energy = load(block, (guide, place, 0))
         energy *= energy
         if guided:
             gain = quotient(energy, energy + variance)
         else:
-            gain = where_less(energy, variance * squared, _ZERO, _ONE)
+            gain = where_less(energy, variance * squared, ZERO, ONE)
         kept += gain * gain
         store(block, (0, place, 0), load(block, (0, place, 0)) * gain)
     fewer = quotient(np.float32(size * size), kept)
@@ -366,7 +365,7 @@ def _back(
     for i in range(half):
         left, right = _place(column + i, apart), _place(column + size - 1 - i, apart)
         for k in range(0, size, 2):
-            a = b = c = d = weight * _ZERO
+            a = b = c = d = weight * ZERO
             for j in range(0, size, 2):
                 even, odd, place = transform[j, i], transform[j + 1, i], k * size + j
                 a, b = a + even * load(block, (place, 0)), b + odd * load(block, (place + 1, 0))
@@ -385,7 +384,7 @@ def _up(half: Floats2, total: Floats1, row: int, size: int, dct: Floats2, memory
     for column in range(0, total.shape[0], WIDTH):
         weight = load(total, column)
         for i in range(size // 2):
-            even, odd = weight * _ZERO, weight * _ZERO
+            even, odd = weight * ZERO, weight * ZERO
             for k in range(0, size, 2):
                 even += dct[k, i] * load(half, (k, column))
                 odd += dct[k + 1, i] * load(half, (k + 1, column))

@@ -35,7 +35,7 @@ from ...shared.arrays import BORDER, BoolArray, FloatArray, IndexArray, Pair
 from ...shared.progress import SILENT, Progress
 from ..numerics.arrays import Bools2, Floats1, Floats2, Floats3, Floats4, Ints1, Ints2, Single
 from ..numerics.chunks import in_strips
-from ..numerics.compile import Chunks, kernel, parallel_kernel
+from ..numerics.compile import ONE, ZERO, Chunks, kernel, parallel_kernel
 from ..numerics.functions import mirrored, scaled_reciprocal_root, zeros
 from ..numerics.gaussian import TRUNCATE, smoothed
 from ..numerics.lanes import WIDTH, Lanes, lesser, load, store
@@ -230,7 +230,6 @@ def _response(extent: Pair, holes: IndexArray) -> FloatArray:
     return response.reshape(-1, quads, QUAD)
 
 
-_ZERO, _ONE = np.float32(0), np.float32(1)
 _STRIP = 64  # rows of a chunk; chosen for speed
 
 
@@ -276,7 +275,7 @@ def shrink_once(
             if target >= first and full[line]:
                 _synthesise(removed, target, low, high, change)
                 for column in range(width):
-                    gone = change[column] if holes[line, column] else _ZERO
+                    gone = change[column] if holes[line, column] else ZERO
                     result[target, REACH + column] = plane[target, REACH + column] - gone
                 mirror_columns(result[target], width)
 
@@ -312,7 +311,7 @@ def _shrink(three: Floats2, middle: int, threshold: Single, squares: Floats1, ou
     after, last, line = squares[1:], squares[2:], three[middle, 1:]
     for column in range(len(out)):
         size = np.sqrt(squares[column] + after[column] + last[column])
-        out[column] = line[column] * min(_ONE, threshold / size)
+        out[column] = line[column] * min(ONE, threshold / size)
 
 
 @kernel
@@ -397,7 +396,7 @@ def fill_blocks(chunks: Chunks, luminance: Floats2, blocks: Blocks, thresholds: 
             for hole in range(len(holes)):
                 i, j = holes[hole, 0] + REACH, holes[hole, 1] + REACH
                 for lane in range(WIDTH):
-                    values[hole, lane], window[i, j, lane] = window[i, j, lane], _ZERO
+                    values[hole, lane], window[i, j, lane] = window[i, j, lane], ZERO
             _decompose_blocks(window, squares, known)
             for threshold in thresholds:
                 _respond(values, known, blocks, removed, flat)
@@ -418,7 +417,7 @@ def _decompose_blocks(window: Floats3, squares: Floats4, known: Floats2) -> None
     for subband in range(3):
         for row in range(rows):
             for column in range(columns):
-                total = load(window, (0, 0, 0)) * _ZERO
+                total = load(window, (0, 0, 0)) * ZERO
                 for i in range(4):
                     for j in range(4):
                         total += _FILTERS[subband, i, j] * load(window, (row + i, column + j, 0))
@@ -454,7 +453,7 @@ def _shrink_blocks(squares: Floats4, threshold: Single, removed: Floats2) -> Non
             left, middle = _energy(squares, subband, row, 0), _energy(squares, subband, row, 1)
             for column in range(1, columns - 1):
                 right = _energy(squares, subband, row, column + 1)
-                weight = lesser(_ONE, scaled_reciprocal_root(left + middle + right, threshold))
+                weight = lesser(ONE, scaled_reciprocal_root(left + middle + right, threshold))
                 store(removed, (place, 0), load(removed, (place, 0)) * weight)
                 left, middle = middle, right
                 place += 1

@@ -40,7 +40,7 @@ from ...shared.progress import SILENT, Progress
 from ..frame import BlockSums, Frame, curvature
 from ..numerics.arrays import Floats1, Floats2, Floats3
 from ..numerics.chunks import BLOCK_ROWS, in_strips
-from ..numerics.compile import Chunks, kernel, parallel_kernel
+from ..numerics.compile import ONE, ZERO, Chunks, kernel, parallel_kernel
 from ..numerics.gaussian import smoothed
 from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, store
 from ..stage import NotNegative, Positive, Range, StageSettings
@@ -256,7 +256,6 @@ def _solved(
 
 # exp(-d) is (1 - d / 16)^16, and 0 beyond: processors compute it on many blocks at once.
 _SHARE = np.float32(1 / 16)
-_ZERO, _ONE = np.float32(0), np.float32(1)
 # statistics summed at a time, as many as three channels have: more do not fit in the registers of
 # AVX2
 _TOGETHER = 6
@@ -295,7 +294,7 @@ def pool(chunks: Chunks, sums: Floats3, features: Floats3, near: Floats1, pooled
                         noise += load(features, (brightness + 1, down, across))
                         distance = quotient(distance, noise)
                         distance += _squared_difference(features[brightness], y, x, down, across)
-                        weight = greater(_ONE - _SHARE * distance, _ZERO)
+                        weight = greater(ONE - _SHARE * distance, ZERO)
                         weight *= weight
                         weight *= weight
                         weight *= weight

@@ -18,7 +18,7 @@ from ...shared.arrays import FloatArray
 from ..bands import Band, Halo, RowStage
 from ..frame import Frame
 from ..numerics.arrays import Floats1, Floats2, Floats3, Frozen2, Single
-from ..numerics.compile import Chunks, kernel, parallel_kernel
+from ..numerics.compile import ONE, ZERO, Chunks, kernel, parallel_kernel
 from ..numerics.functions import unset
 from ..patches import chunk_patches, padded_rows, patches_of
 from ..stage import NotNegative, StageSettings
@@ -39,7 +39,6 @@ class PropagationSettings(StageSettings):
     likeness: NotNegative = 0.0
 
 
-_ZERO, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
 _SMALLEST_FLOAT = np.finfo(np.float32).tiny
 # a pixel beyond the end of a line counts as end + BEYOND (l - end): with more, thin strokes beside
 # edges have too pure colours; with less, small type loses colour
@@ -125,11 +124,11 @@ def follow_lines(
     channels = len(gamma)
     for row in range(chunks[0], chunks[1]):
         for column in range(out.shape[1]):
-            line, total = lines[row, column], _ZERO
+            line, total = lines[row, column], ZERO
             known = max(min(luminance[row, column], line[-1]), line[-2])
             lit = max(known + BEYOND * (luminance[row, column] - known), least)
             for channel in range(channels):
-                value = max(line[channel] - line[channels + channel] / lit, _ZERO)
+                value = max(line[channel] - line[channels + channel] / lit, ZERO)
                 out[row, column, channel] = value
                 total += gamma[channel] * value
             for channel in range(channels):
@@ -185,11 +184,11 @@ def mix(chunks: Chunks, fields: Floats3, blocks: Floats3, mixing: Mixing, out: F
         top = patch * period - mixing.row
         for row in range(max(top, 0), min(top + period, len(out))):
             here = row + mixing.row
-            total[:] = _ZERO
+            total[:] = ZERO
             for kind in range(CLASSES):
                 _weigh(fields[kind, here], lit[kind], here, mixing, kappa[kind], total)
             for column in range(width):
-                total[column] = _ONE / total[column] if total[column] > _SMALLEST_FLOAT else _ZERO
+                total[column] = ONE / total[column] if total[column] > _SMALLEST_FLOAT else ZERO
             for channel in range(channels):
                 _mix(kappa, colour[channel], mean[channel], total, mixed[channel])
             for channel in range(channels):
@@ -219,7 +218,7 @@ def _expand(blocks: Floats3, luminance: Floats2, patch: int) -> tuple[Floats2, F
         a, b = colour[channel, 0], colour[channel, 1]
         c, d, line = colour[channel, 2], colour[channel, 3], mean[channel]
         for column in range(len(line)):
-            line[column] = _QUARTER * (a[column] + b[column] + c[column] + d[column])
+            line[column] = np.float32(0.25) * (a[column] + b[column] + c[column] + d[column])
     return lit, colour, mean
 
 
@@ -232,7 +231,7 @@ def _weigh(
     row: of the fields.
     """
     softness, likeness, here = mixing.softness, mixing.likeness, mixing.luminance[row]
-    if likeness > _ZERO:
+    if likeness > ZERO:
         for column in range(len(alpha)):
             weight = softness + abs(alpha[column])
             apart, both = here[column] - lit[column], here[column] + lit[column]
@@ -256,7 +255,7 @@ def _mix(kappa: Floats2, colour: Floats2, mean: Floats1, share: Floats1, mixed: 
     for column in range(len(mixed)):
         value = a[column] * first[column] + b[column] * second[column]
         value = value + c[column] * third[column] + d[column] * fourth[column]
-        mixed[column] = value * share[column] if share[column] > _ZERO else mean[column]
+        mixed[column] = value * share[column] if share[column] > ZERO else mean[column]
 
 
 @parallel_kernel()

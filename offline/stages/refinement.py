@@ -23,7 +23,7 @@ from ...shared.arrays import Pair, mirrored
 from ..bands import Band, Halo, RowStage
 from ..frame import Frame
 from ..numerics.arrays import Floats1, Floats2, Floats3
-from ..numerics.compile import Chunks, kernel, parallel_kernel
+from ..numerics.compile import ONE, ZERO, Chunks, kernel, parallel_kernel
 from ..numerics.functions import LEAST_EXPONENT, chunk_at, chunk_count, exponential, unset, zeros
 from ..numerics.gaussian import gaussian
 from ..numerics.lanes import WIDTH, Lanes, greater, load, quotient, store
@@ -97,7 +97,6 @@ class Refinement(RowStage):
 
 _ROWS, _COLUMNS = 64, 240  # of a chunk; chosen for speed: no bit depends on it
 _TOGETHER = 4  # planes summed at a time
-_ZERO, _ONE = np.float32(0), np.float32(1)
 _SMALLEST_FLOAT = np.finfo(np.float32).tiny
 
 
@@ -174,7 +173,7 @@ def _gather(source: Floats1, tints: Floats2, lit: Floats1, colour: Floats2) -> N
     """
     for column in range(len(source)):
         lit[column] = source[column]
-        colour[0, column] = max(lit[column], _ZERO)
+        colour[0, column] = max(lit[column], ZERO)
         for channel in range(tints.shape[1]):
             colour[channel + 1, column] = colour[0, column] * tints[column, channel]
 
@@ -222,7 +221,7 @@ def _weigh(plane: Floats2, rows: Pair, columns: Pair, window: Window, weights: F
 def _exponentials(line: Floats1) -> None:
     for column in range(len(line)):
         weight = exponential(line[column])
-        line[column] = weight if line[column] >= LEAST_EXPONENT else _ZERO
+        line[column] = weight if line[column] >= LEAST_EXPONENT else ZERO
 
 
 @kernel
@@ -234,7 +233,7 @@ def _average(
 
     Beside the edges nothing is right, and nothing is used.
     """
-    nothing = _ZERO * load(colour, (0, 0, 0))
+    nothing = ZERO * load(colour, (0, 0, 0))
     for row in range(rows[0], rows[1]):
         for column in range(columns[0], columns[1], WIDTH):
             for plane in range(0, len(colour), _TOGETHER):
@@ -248,7 +247,7 @@ def _average(
                         d += weight * load(colour, (plane + 3, y, x))
                 for step, value in enumerate((a, b, c, d)):
                     store(mean, (plane + step, row, column), value)
-            share = quotient(_ONE, greater(load(mean, (0, row, column)), _SMALLEST_FLOAT))
+            share = quotient(ONE, greater(load(mean, (0, row, column)), _SMALLEST_FLOAT))
             for plane in range(1, len(colour)):
                 store(mean, (plane, row, column), load(mean, (plane, row, column)) * share)
 
