@@ -104,8 +104,6 @@ def render(
     settings: RenderSettings = BEST,
     progress: Progress = SILENT,
     stages: Stages = row_stages,
-    *,
-    check_halos: bool = False,
 ) -> Rendering:
     """Reconstruct every channel at every pixel.
 
@@ -114,8 +112,6 @@ def render(
     stages : Stages, optional
         Makes the list of stages in rows; by default `row_stages`. One's own may add to that list,
         replace in it, or leave out.
-    check_halos : bool, optional
-        Refuse stages of one's own that look farther than their halo.
 
     Raises
     ------
@@ -140,7 +136,7 @@ def render(
     luminance = np.empty(mosaic.shape, np.float32)
     chromaticity = np.empty((*mosaic.shape, len(measured.gamma)), np.float32)
     rgb = np.empty_like(chromaticity)
-    for band in run_row_stages(measured, settings, progress, stages, check_halos=check_halos):
+    for band in run_row_stages(measured, settings, progress, stages):
         rows = slice(band.first, band.end)
         _apply_luminance(band, rgb[rows])
         luminance[rows], chromaticity[rows] = band.luminance, band.chromaticity
@@ -323,12 +319,10 @@ def run_row_stages(
     settings: RenderSettings = BEST,
     progress: Progress = SILENT,
     stages: Stages = row_stages,
-    *,
-    check_halos: bool = False,
 ) -> Iterator[Band]:
     """The picture of what was measured, in bands, in scene units."""
     made, grey = _make_stages(stages, measured, settings), _grey_bands(measured, progress)
-    return iter(run_stages(grey, made, measured.shape[0], progress, check_halos=check_halos))
+    return iter(run_stages(grey, made, measured.shape[0], progress))
 
 
 def _grey_bands(measured: Frame, progress: Progress) -> Iterator[Band]:

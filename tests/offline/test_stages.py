@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.ndimage import uniform_filter1d
 
 from panchroma.offline import (
     BEST,
@@ -56,12 +55,7 @@ class Own(RowStage):
 
 
 def rendered(
-    stage: RowStage,
-    mosaic: Mosaic,
-    settings: RenderSettings = PAPER,
-    place: int | None = None,
-    *,
-    check_halos: bool = False,
+    stage: RowStage, mosaic: Mosaic, settings: RenderSettings = PAPER, place: int | None = None
 ) -> FloatArray:
     """A render with one more stage, before that at a place of the list."""
 
@@ -70,7 +64,7 @@ def rendered(
         where = len(usual) if place is None else place
         return [*usual[:where], stage, *usual[where:]]
 
-    return render(mosaic, settings, stages=stages, check_halos=check_halos).rgb
+    return render(mosaic, settings, stages=stages).rgb
 
 
 @pytest.mark.parametrize("settings", [PAPER, BEST])
@@ -184,51 +178,3 @@ def test_the_readme_links_every_stage() -> None:
     page = (ROOT / "offline" / "README.md").read_text("utf-8")
     files = {path.stem for path in (ROOT / "offline" / "stages").glob("*.py")} - {"__init__"}
     assert set(re.findall(r"\[(\w+)\]\(stages/\1\.py\)", page)) == files
-
-
-class Mean(RowStage):
-    """Mean over rows, as far as `radius` or, on one side alone, twice as far, with a halo that says
-    something.
-    """
-
-    name = "mean"
-
-    def __init__(self, radius: int, *halo: int, plane: str = "chromaticity", side: int = 0) -> None:
-        self._radius, self._halo, self._plane, self._side = radius, Halo(*halo), plane, side
-
-    @property
-    def halo(self) -> Halo:
-        return self._halo
-
-    def __call__(self, band: Band, rows: tuple[int, int]) -> Band:
-        plane = band.luminance if self._plane == "residual" else band.chromaticity
-        size, shift = 2 * self._radius + 1, self._side * self._radius
-        changed: Any = {self._plane: uniform_filter1d(plane, size, axis=0, origin=shift)}
-        return replace(band, **changed).rows(*rows)
-
-
-TOO_SMALL = r"the stage 'mean' looks farther than its Halo.*in row"
-
-
-@pytest.mark.parametrize("rows", [50, 300])
-@pytest.mark.parametrize("halo", [(0,), (2,), (2, 6, 1)])
-@pytest.mark.parametrize("plane", ["chromaticity", "residual"])
-def test_a_halo_that_is_too_small_is_found(rows: int, halo: tuple[int, ...], plane: str) -> None:
-    mosaic = shot(rows)
-    small, enough = (Mean(radius, *halo, plane=plane) for radius in (3, halo[0]))
-    rendered(small, mosaic, BEST)  # nobody asks
-    with pytest.raises(InputError, match=TOO_SMALL):
-        rendered(small, mosaic, BEST, check_halos=True)
-    checked, plain = (rendered(enough, mosaic, BEST, check_halos=each) for each in (True, False))
-    assert np.array_equal(checked, plain)
-
-
-@pytest.mark.parametrize("side", [-1, 1])
-def test_a_halo_that_is_too_small_on_one_side_is_found(side: int) -> None:
-    with pytest.raises(InputError, match=TOO_SMALL):
-        rendered(Mean(2, 2, side=side), shot(), BEST, check_halos=True)
-
-
-def test_halos_of_the_stages_of_a_render_pass_the_check() -> None:
-    mosaic = shot(300)
-    assert np.array_equal(render(mosaic, check_halos=True).rgb, render(mosaic).rgb)

@@ -26,8 +26,7 @@ unlearned = replace(offline.BEST, learned=replace(offline.BEST.learned, used=Fal
 
 # %%
 # The last stages work on bands of rows. One of your own takes a band and returns it; ``halo`` says
-# how many rows above and below it looks at. ``offline.render(mosaic, stages=stages,
-# check_halos=True)`` tells one that looks farther.
+# how many rows above and below it looks at: with too few, rows change where bands meet.
 class Softer(offline.RowStage):
     halo = offline.Halo(radius=4)
 
