@@ -184,19 +184,13 @@ def _checked(made: object, returned: str, band: Band, rows: tuple[int, int]) -> 
     width, channels = band.chromaticity.shape[1:]
     shape = rows[1] - rows[0], width
     shapes = {"luminance": shape, "chromaticity": (*shape, channels), "residual": shape}
-    planes = {name: getattr(made, name) for name in shapes}
+    planes = {name: np.ascontiguousarray(plane) for name, plane in made._planes()}
     for name, plane in planes.items():
-        if plane is None and name == "residual":
-            continue
-        is_array, expected = isinstance(plane, np.ndarray), f"float32 {shapes[name]}"
-        received = f"{plane.dtype} {plane.shape}" if is_array else type(plane).__name__
+        received, expected = f"{plane.dtype} {plane.shape}", f"float32 {shapes[name]}"
         if received != expected:
             raise InputError(f"{returned} a {name} that is {received}, expected {expected}")
         if not np.isfinite(plane).all():
-            row, column = np.argwhere(~np.isfinite(plane))[0, :2].tolist()
-            place = f"first in row {rows[0] + row}, column {column}"
-            raise InputError(f"{returned} a {name} that is not finite, {place}")
-        planes[name] = np.ascontiguousarray(plane)
+            raise InputError(f"{returned} a {name} that is not finite")
     if made.first != rows[0]:
         wanted = f"expected {rows[0]} to {rows[1]}: band.rows(*rows) cuts them out"
         raise InputError(f"{returned} rows from {made.first} on, {wanted}")

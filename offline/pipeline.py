@@ -285,7 +285,12 @@ def estimate_colour(
     >>> estimate_colour(clean_frame(grey), np.full((30, 40), 0.75, np.float32)).blocks.shape[2]
     3
     """
-    luminance = _checked_luminance(luminance, frame.shape)
+    with np.errstate(over="ignore", invalid="ignore"):
+        luminance = np.require(luminance, np.float32, ["C", "W"])
+        total = luminance.sum(dtype=np.float64)
+    if luminance.shape != frame.shape or not np.isfinite(total):
+        expected = f"expected {frame.shape} and finite numbers"
+        raise InputError(f"luminance has shape {luminance.shape}, or NaN or infinite, {expected}")
     frame, lines = replace(frame, luminance=luminance, others=others, kept=alone), frame.lines
     medians, pooling = settings.chromaticity, settings.pooling
     if medians.learned and serves(frame.pattern):
@@ -301,19 +306,6 @@ def estimate_colour(
     return replace(frame, luminance=update_luminance(frame, settings.posterior))
 
 
-def _checked_luminance(luminance: FloatArray, shape: tuple[int, int]) -> FloatArray:
-    """Luminance of one's own as kernels take it."""
-    values = np.asarray(luminance)
-    if values.shape != shape or values.dtype.kind not in "fiu":
-        raise InputError(f"luminance is {values.dtype} {values.shape}, expected float32 {shape}")
-    with np.errstate(over="ignore", invalid="ignore"):
-        values = np.require(values, np.float32, ["C", "W"])
-        total = values.sum(dtype=np.float64)
-    if not np.isfinite(total):
-        raise InputError("luminance holds values that are not finite (NaN or infinite)")
-    return values
-
-
 def run_row_stages(
     measured: Frame,
     settings: RenderSettings = BEST,
@@ -321,7 +313,13 @@ def run_row_stages(
     stages: Stages = row_stages,
 ) -> Iterator[Band]:
     """The picture of what was measured, in bands, in scene units."""
-    made, grey = _make_stages(stages, measured, settings), _grey_bands(measured, progress)
+    made, grey = list(stages(measured, settings)), _grey_bands(measured, progress)
+    for stage in made:
+        halo = getattr(stage, "halo", None)
+        if not isinstance(halo, Halo) or halo.radius < 0 or halo.alignment < 1:
+            expected = "expected objects of classes derived from panchroma.offline.RowStage"
+            radius = "whose halo is a Halo with a radius of 0 or more, an alignment of 1 or more"
+            raise InputError(f"stages made a list with {stage!r}, {expected}, {radius}")
     return iter(run_stages(grey, made, measured.shape[0], progress))
 
 
@@ -341,25 +339,3 @@ def _apply_luminance(band: Band, rgb: FloatArray) -> FloatArray:
     apply_luminance(band.chromaticity, np.ascontiguousarray(band.luminance), rgb)
     check_finite(rgb, band.first)
     return rgb
-
-
-def _make_stages(stages: Stages, measured: Frame, settings: RenderSettings) -> list[RowStage]:
-    """The list that `stages` makes. Raises InputError if it is no function, or makes something else
-    than stages.
-    """
-    if not callable(stages):
-        expected = "expected a function that makes a list, as offline.row_stages"
-        raise InputError(f"stages is {type(stages).__name__}, {expected}")
-    made = stages(measured, settings)
-    if not isinstance(made, list | tuple):
-        raise InputError(f"stages made {type(made).__name__}, expected a list of stages")
-    for stage in made:
-        halo = getattr(stage, "halo", None)
-        if isinstance(stage, type) or not callable(stage) or halo is None:
-            expected = "expected objects of classes derived from panchroma.offline.RowStage"
-            raise InputError(f"stages made a list with {stage!r}, {expected}")
-        whole = isinstance(halo, Halo) and all(type(number) is int for number in halo)
-        if not whole or halo.radius < 0 or halo.alignment < 1:
-            expected = "expected offline.Halo, a radius of 0 or more, an alignment of 1 or more"
-            raise InputError(f"the stage {stage.name!r} has {halo!r}, {expected}")
-    return list(made)
