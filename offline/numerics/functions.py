@@ -5,7 +5,7 @@ arrays.
 import numpy as np
 
 from ...shared.arrays import FloatArray, Pair
-from .arrays import Area, Scalar
+from .arrays import Area, Floats1, Scalar
 from .compile import kernel
 from .lanes import BYTES, WIDTH, Lanes, root_seed
 
@@ -62,6 +62,15 @@ def mirrored(index: int, size: int) -> int:
     turn = 2 * size - 2
     index = abs(index) % turn
     return index if index < size else turn - index
+
+
+@kernel
+def mirror_ends(line: Floats1, reach: int) -> None:
+    """Set the `reach` elements at either end of a line to mirror images of those between."""
+    size = len(line) - 2 * reach
+    for step in range(1, reach + 1):
+        line[reach - step] = line[reach + mirrored(-step, size)]
+        line[reach + size - 1 + step] = line[reach + mirrored(size - 1 + step, size)]
 
 
 def chunk_count(shape: Pair, size: Pair) -> int:

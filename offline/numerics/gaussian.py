@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ...shared.arrays import FloatArray
 from .arrays import Floats1, Floats2, Frozen2, Scalar
 from .compile import Chunks, kernel, parallel_kernel
-from .functions import mirrored
+from .functions import mirror_ends, mirrored
 
 TRUNCATE = 4
 """Standard deviations at which a Gaussian ends: what lies beyond is 6e-5 of it."""
@@ -78,9 +78,7 @@ def smooth_rows(plane: Floats2, taps: Floats1, first: int, last: int, out: Float
         for step in range(1, reach + 1):
             above, below = plane[mirrored(row - step, height)], plane[mirrored(row + step, height)]
             _add(taps[reach + step], above, below, line[reach : reach + width])
-        for step in range(1, reach + 1):
-            line[reach - step] = line[reach + mirrored(-step, width)]
-            line[reach + width - 1 + step] = line[reach + mirrored(width - 1 + step, width)]
+        mirror_ends(line, reach)
         _scale(taps[reach], line[reach:], out[row])
         for step in range(1, reach + 1):
             _add(taps[reach + step], line[reach - step :], line[reach + step :], out[row])

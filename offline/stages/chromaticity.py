@@ -23,7 +23,7 @@ from ..frame import BlockSums, Frame
 from ..numerics.arrays import Bools1, Doubles1, Doubles3
 from ..numerics.chunks import BLOCK_ROWS, in_strips
 from ..numerics.compile import Chunks, kernel, parallel_kernel
-from ..numerics.functions import ORIENTATIONS, mirrored
+from ..numerics.functions import ORIENTATIONS, mirror_ends, mirrored
 from ..stage import CountOrNone, StageSettings
 
 
@@ -186,11 +186,8 @@ def oriented_median(
             for column in range(columns):
                 nearest[column] = min(nearest[column], distance[column])
         for channel in range(channels):
-            mine = after[channel, row]
-            changes[row] |= (mine != before[channel, row]).any()
-            for step in range(1, 3):
-                mine[2 - step] = mine[2 + mirrored(-step, columns)]
-                mine[columns + 1 + step] = mine[2 + mirrored(columns - 1 + step, columns)]
+            changes[row] |= (after[channel, row] != before[channel, row]).any()
+            mirror_ends(after[channel, row], 2)
 
 
 @kernel

@@ -36,7 +36,7 @@ from ...shared.progress import SILENT, Progress
 from ..numerics.arrays import Bools2, Floats1, Floats2, Floats3, Floats4, Ints1, Ints2, Single
 from ..numerics.chunks import in_strips
 from ..numerics.compile import ONE, ZERO, Chunks, kernel, parallel_kernel
-from ..numerics.functions import mirrored, scaled_reciprocal_root, zeros
+from ..numerics.functions import mirror_ends, mirrored, scaled_reciprocal_root, zeros
 from ..numerics.gaussian import TRUNCATE, smoothed
 from ..numerics.lanes import WIDTH, Lanes, lesser, load, store
 from ..stage import Between, Count, Positive, StageSettings
@@ -277,15 +277,7 @@ def shrink_once(
                 for column in range(width):
                     gone = change[column] if holes[line, column] else ZERO
                     result[target, REACH + column] = plane[target, REACH + column] - gone
-                mirror_columns(result[target], width)
-
-
-@kernel
-def mirror_columns(row: Floats1, columns: int) -> None:
-    """Set the REACH pixels on either side of a row of `columns` to their mirror images."""
-    for step in range(1, REACH + 1):
-        row[REACH - step] = row[REACH + mirrored(-step, columns)]
-        row[REACH + columns - 1 + step] = row[REACH + mirrored(columns - 1 + step, columns)]
+                mirror_ends(result[target], REACH)
 
 
 @kernel
