@@ -97,10 +97,9 @@ def linked_sum(links: Floats3, values: Floats2, out: Floats2) -> None:
     flat, x, sums = links.reshape(-1), values.reshape(-1), out.reshape(-1)
     _, rows, width = links.shape
     steps = np.uintp(width), np.uintp(rows * width)
-    for row in range(BORDER, rows - BORDER):
-        for column in range(width):
-            index = np.uintp(row * width) + np.uintp(column)
-            sums[index] = _around(flat, index, x, index, steps)
+    for place in range(BORDER * width, (rows - BORDER) * width):
+        index = np.uintp(place)
+        sums[index] = _around(flat, index, x, index, steps)
 
 
 @kernel
@@ -189,16 +188,15 @@ def _multiply(links: Floats3, diagonal: Scalar, values: Floats3, product: Floats
     for group in range(0, count, TOGETHER):
         x = values[group : group + TOGETHER].reshape(-1)
         out = product[group : group + TOGETHER].reshape(-1)
-        for row in range(BORDER, rows - BORDER):
-            for column in range(width):
-                first = np.uintp(row * width) + np.uintp(column)
-                second, third = first + plane, first + plane + plane
-                one = diagonal * x[first] - _around(flat, first, x, first, steps)
-                two = diagonal * x[second] - _around(flat, first, x, second, steps)
-                three = diagonal * x[third] - _around(flat, first, x, third, steps)
-                out[first] = one
-                out[second] = two
-                out[third] = three
+        for place in range(BORDER * width, (rows - BORDER) * width):
+            first = np.uintp(place)
+            second, third = first + plane, first + plane + plane
+            one = diagonal * x[first] - _around(flat, first, x, first, steps)
+            two = diagonal * x[second] - _around(flat, first, x, second, steps)
+            three = diagonal * x[third] - _around(flat, first, x, third, steps)
+            out[first] = one
+            out[second] = two
+            out[third] = three
 
 
 @kernel

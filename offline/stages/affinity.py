@@ -227,14 +227,13 @@ def _weigh(through: Floats3, links: Floats3) -> None:
     h, v, below = through[0].reshape(-1), through[1].reshape(-1), np.uintp(width)
     right, down = links[0].reshape(-1), links[1].reshape(-1)
     down_right, down_left = links[2].reshape(-1), links[3].reshape(-1)
-    for row in range(solver.BORDER, rows - solver.BORDER):
-        for column in range(width):
-            here = np.uintp(row * width) + np.uintp(column)
-            under, either = here + below, min(h[here], v[here])
-            right[here] = min(h[here], h[here + one])
-            down[here] = min(v[here], v[under])
-            down_right[here] = min(either, h[under + one], v[under + one])
-            down_left[here] = min(either, h[under - one], v[under - one])
+    for place in range(solver.BORDER * width, (rows - solver.BORDER) * width):
+        here = np.uintp(place)
+        under, either = here + below, min(h[here], v[here])
+        right[here] = min(h[here], h[here + one])
+        down[here] = min(v[here], v[under])
+        down_right[here] = min(either, h[under + one], v[under + one])
+        down_left[here] = min(either, h[under - one], v[under - one])
 
 
 @kernel
@@ -361,12 +360,11 @@ def _scale(links: Floats3, scale: Floats2) -> None:
     roots = scale.reshape(-1)
     for link, step in enumerate((one, below, below + one, below - one)):
         line = links[link].reshape(-1)
-        for row in range(solver.BORDER, rows - solver.BORDER):
-            for column in range(width):
-                here = np.uintp(row * width) + np.uintp(column)
-                # From left to right: both roots may be as large as 3e18, their product with a
-                # weight is at most one.
-                line[here] = line[here] * roots[here] * roots[here + step]
+        for place in range(solver.BORDER * width, (rows - solver.BORDER) * width):
+            here = np.uintp(place)
+            # From left to right: both roots may be as large as 3e18, their product with a weight is
+            # at most one.
+            line[here] = line[here] * roots[here] * roots[here + step]
 
 
 @kernel
