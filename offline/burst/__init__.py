@@ -7,7 +7,7 @@ At the end the samples of all frames correct the picture, each at its own place.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -141,7 +141,7 @@ def merge_burst(
     merged = _merged(comparison, settings)
     progress.advance()
     verdicts = tuple(judged[number] for number in range(len(frames)))
-    return replace(merged, reference=distinct[merged.reference], frames=verdicts)
+    return MergedBurst(distinct[comparison.reference], verdicts, *merged)
 
 
 def render_burst_bands(
@@ -203,8 +203,10 @@ def burst_memory(frames: int, mosaic: Mosaic, settings: RenderSettings = BEST) -
     return round(frame * frames * pixels + max(_REST * pixels, rendering_memory(mosaic, settings)))
 
 
-def _merged(comparison: Comparison, settings: RenderSettings) -> MergedBurst:
-    """Merge frames that have been compared."""
+def _merged(
+    comparison: Comparison, settings: RenderSettings
+) -> tuple[FloatArray, Frame, ColourSamples]:
+    """Merge frames that have been compared: the last three fields of `MergedBurst`."""
     cleaned, kept, sites = comparison.cleaned, comparison.kept, comparison.cleaned.sites
     fine, noise_ratio = merge_luminance(kept, sites)
     plain = np.ascontiguousarray(fine[::2, ::2])
@@ -219,6 +221,4 @@ def _merged(comparison: Comparison, settings: RenderSettings) -> MergedBurst:
     if sites.pattern.is_scattered:
         single_frame = np.maximum(single_frame, sites.of(uncovered(kept, sites)).mean(axis=2))
     measured = estimate_colour(cleaned, luminance, settings, SILENT, sums, single_frame)
-    samples = samples.relit(measured.luminance - luminance)
-    verdicts = tuple(comparison.frames)
-    return MergedBurst(comparison.reference, verdicts, noise_ratio, measured, samples)
+    return noise_ratio, measured, samples.relit(measured.luminance - luminance)
