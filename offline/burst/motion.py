@@ -59,15 +59,12 @@ class Motion:
     local: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        if not np.isfinite([*self.shift, self.angle]).all():
-            wanted = "expected finite numbers"
-            raise InputError(f"a motion of {self.shift} pixels and {self.angle} radians, {wanted}")
-        if self.local is not None:
-            shape = self.local.shape
-            is_grid = len(shape) == 3 and min(shape[:2]) >= 2 and shape[2] == 2
-            if not is_grid or not np.isfinite(self.local).all():
-                expected = "expected (2 or more, 2 or more, 2) and finite numbers"
-                raise InputError(f"local shifts of shape {shape}, {expected}")
+        local = np.zeros((2, 2, 2)) if self.local is None else self.local
+        is_grid = local.ndim == 3 and min(local.shape[:2]) >= 2 and local.shape[2] == 2
+        if not is_grid or not np.isfinite([*self.shift, self.angle, *local.flat]).all():
+            found = f"a motion of {self.shift} pixels and {self.angle} radians"
+            expected = "expected finite numbers, and local shifts (2 or more, 2 or more, 2)"
+            raise InputError(f"{found}, with local shifts {local.shape}: {expected}")
 
     def times(self, factor: float) -> "Motion":
         """Return the same motion for a frame with `factor` times as many pixels a side."""
