@@ -95,7 +95,7 @@ def row_stages(frame: Frame, settings: RenderSettings) -> list[RowStage]:
         if settings.learned.used and (network := network_for(frame.pattern)):
             stages.append(ColourNetwork(network, frame))
     if frame.shading is not None:
-        stages.append(ShadingCorrection(frame.shading, frame.shape))
+        stages.append(ShadingCorrection(frame))
     return stages
 
 
@@ -289,8 +289,7 @@ def estimate_colour(
         luminance = np.require(luminance, np.float32, ["C", "W"])
         total = luminance.sum(dtype=np.float64)
     if luminance.shape != frame.shape or not np.isfinite(total):
-        expected = f"expected {frame.shape} and finite numbers"
-        raise InputError(f"luminance has shape {luminance.shape}, or NaN or infinite, {expected}")
+        raise InputError(f"luminance is {luminance.shape}, expected {frame.shape}, finite numbers")
     frame, lines = replace(frame, luminance=luminance, others=others, kept=alone), frame.lines
     medians, pooling = settings.chromaticity, settings.pooling
     if medians.learned and serves(frame.pattern):
