@@ -54,11 +54,9 @@ def check_finite(picture: FloatArray, first: int) -> None:
     first : int
         The frame's row that is its first.
     """
-    with np.errstate(over="ignore"):
-        if np.isfinite(picture.sum()):
-            return
-    wrong = np.argwhere(~np.isfinite(picture).all(axis=2))
-    if len(wrong):
+    finite = np.isfinite(picture)
+    if not finite.all():
+        wrong = np.argwhere(~finite.all(axis=2))
         found = f"{len(wrong)} pixels of the picture are not finite (NaN or infinite)"
         place = f"the first in row {first + wrong[0, 0]}, column {wrong[0, 1]}"
         remedy = "this is a fault of the render: please report the shot and the settings"

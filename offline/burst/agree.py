@@ -91,10 +91,8 @@ def shaded_alike(frame: View, shot: Mosaic, reference: Mosaic, motion: Motion) -
     own, other = (mosaic.calibration.shading for mosaic in (shot, reference))
     if own is None and other is None:
         return frame
-    ratio, gain = (
-        shading.of_plane(shot.shape) if shading else np.ones(shot.shape, np.float32)
-        for shading in (own, other)
-    )
+    ratio = own.of_plane(shot.shape) if own else np.ones(shot.shape, np.float32)
+    gain = other.of_plane(shot.shape) if other else np.ones(shot.shape, np.float32)
     for rows in strips(len(ratio)):
         places = in_reference(motion, *_pixels(rows, shot), shot.shape)
         ratio[rows] /= map_coordinates(gain, places, order=1, mode="nearest")
@@ -171,9 +169,8 @@ def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
     r, f = reference.luminance, frame.luminance
     own, other, difference = reference.variance(r), frame.variance(f), f - r
     noise = own + other
-    r_mean, f_mean, power, power_shown, mean, variance = _means(
-        weight, NEIGHBOURHOOD, r, f, r * r, f * f, difference, difference * difference
-    )
+    planes = r, f, r * r, f * f, difference, difference * difference
+    r_mean, f_mean, power, power_shown, mean, variance = _means(weight, NEIGHBOURHOOD, *planes)
     texture, shown = power - r_mean * r_mean - own, power_shown - f_mean * f_mean - other
     contrast = np.maximum(np.minimum(texture, shown), 0)
     even = np.square(_EXPOSURE * r_mean)
@@ -191,10 +188,8 @@ def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
         np.gradient((r + f) / 2, axis=axis) if size > 1 else np.zeros_like(r)
         for axis, size in enumerate(r.shape)
     )
-    products = down * difference, across * difference
-    dd, da, aa, d, a = _means(
-        weight, _SHIFTED, down * down, down * across, across * across, *products
-    )
+    products = down * down, down * across, across * across, down * difference, across * difference
+    dd, da, aa, d, a = _means(weight, _SHIFTED, *products)
     least = noise / 4 + TINY  # what noise makes of a gradient
     dd, aa = np.maximum(dd - noise / 4, 0) + least, np.maximum(aa - noise / 4, 0) + least
     determinant = np.maximum(dd * aa - da * da, 1e-3 * dd * aa)

@@ -202,10 +202,7 @@ def relit_sites(frame: Frame, luminance: FloatArray, sums: BlockSums) -> Frame:
         Of the other frames (`ColourSamples.block_sums`).
     """
     sites = frame.sites
-    limits = frame.limits(slice(0, sites.shape[0]))
-    if frame.signal.max() < limits.min():
-        return frame
-    signal = frame.signal.copy()
+    limits, signal = frame.limits(slice(0, sites.shape[0])), frame.signal.copy()
     limits = np.broadcast_to(limits, (*sites.shape, len(sites.channels)))
     for site, (channel, place) in enumerate(zip(sites.channels, sites.places, strict=True)):
         power, product = sums.weight[..., channel], sums.product[..., channel]

@@ -72,8 +72,7 @@ def fitted(luminance: FloatArray, samples: Samples, prior: Prior, extent: Extent
     chunks = chunk_count((rows, width), (SIDE, SIDE))
     fields = np.empty((len(samples.weights), rows, width), np.float32)
     residuals, used = np.empty(chunks), np.empty(chunks, np.intp)
-    inputs = Samples(*map(np.ascontiguousarray, samples))
-    solve_linked(np.ascontiguousarray(luminance), inputs, prior, extent, fields, residuals, used)
+    solve_linked(luminance, samples, prior, extent, fields, residuals, used)
     solver.check_convergence("samples", used, residuals, extent.tolerance)
     return fields
 
@@ -101,21 +100,17 @@ def solve_linked(
     height, width = luminance.shape
     for chunk in range(chunks[0], chunks[1]):
         top, bottom, left, end = chunk_at(chunk, (extent.end - extent.first, width), (SIDE, SIDE))
-        above = max(extent.first + top - extent.halo, 0)
-        below = min(extent.first + bottom + extent.halo, height)
-        before, after = max(left - extent.halo, 0), min(end + extent.halo, width)
-        solution, residuals[chunk], used[chunk] = _solved(
-            luminance[above:below, before:after],
-            samples.weights[:, above:below, before:after],
-            samples.products[:, above:below, before:after],
-            prior,
-            extent.tolerance,
-        )
+        first, last, halo = extent.first + top, extent.first + bottom, extent.halo
+        rows = slice(max(first - halo, 0), min(last + halo, height))
+        columns = slice(max(left - halo, 0), min(end + halo, width))
+        weights, products = samples.weights[:, rows, columns], samples.products[:, rows, columns]
+        solved = _solved(luminance[rows, columns], weights, products, prior, extent.tolerance)
+        solution, residuals[chunk], used[chunk] = solved
         for field in range(len(fields)):
             for row in range(top, bottom):
-                line = solution[field, solver.BORDER + extent.first + row - above]
+                line = solution[field, solver.BORDER + extent.first + row - rows.start]
                 for column in range(left, end):
-                    fields[field, row, column] = line[column - before]
+                    fields[field, row, column] = line[column - columns.start]
 
 
 @kernel
