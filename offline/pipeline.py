@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..shared import ByteArray, FloatArray, InputError, Mosaic
+from ..shared import ByteArray, FloatArray, InputError, Mosaic, NoiseModel
 from ..shared.networks import network_for
 from ..shared.progress import SILENT, Progress
 from .bands import Band, Halo, RowStage, run_stages
@@ -26,7 +26,7 @@ from .stages.defects import mend_defects
 from .stages.denoising import denoise_luminance
 from .stages.highlights import clipping_level, restore_highlights
 from .stages.luminance import recover_luminance
-from .stages.noise import rounding_noise, with_noise_model
+from .stages.noise import noise_models
 from .stages.pooling import pool_blocks
 from .stages.propagation import Propagation, apply_luminance
 from .stages.refinement import Refinement
@@ -234,12 +234,28 @@ def clean_frame(
     True
     """
     check_frames([mosaic], settings)
+    noise = mosaic.calibration.noise
+    if settings.noise.estimate:
+        (noise,) = noise_models([mosaic], settings.noise)
     # No name keeps the samples with their defects while highlights are restored, which needs the
     # most memory.
-    rounding = rounding_noise(mosaic)
-    frame = uncleaned(mosaic, with_noise_model(mosaic.evenly_shaded(), settings.noise, rounding))
-    frame = mend_defects(frame, settings.defects, progress)
+    frame = mend_frame(mosaic, noise, settings, progress)
     return restore_highlights(frame, settings.highlights, progress)
+
+
+def mend_frame(
+    mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings, progress: Progress = SILENT
+) -> Frame:
+    """A frame without defects, shaded equally for all filters (`Mosaic.evenly_shaded`).
+
+    Parameters
+    ----------
+    noise : NoiseModel | None
+        See `noise_models`.
+    """
+    calibration = replace(mosaic.calibration, noise=noise and noise.possible())
+    samples = mosaic.calibrated(calibration).evenly_shaded()
+    return mend_defects(uncleaned(mosaic, samples), settings.defects, progress)
 
 
 def uncleaned(mosaic: Mosaic, samples: Mosaic) -> Frame:

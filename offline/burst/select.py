@@ -15,12 +15,11 @@ from ...shared import BoolArray, ByteArray, FloatArray, Mosaic, NoiseModel
 from ...shared.progress import Progress
 from ..frame import Frame
 from ..numerics.gaussian import gaussian, smoothed
-from ..pipeline import uncleaned
+from ..pipeline import mend_frame
 from ..settings import RenderSettings
-from ..stages.defects import mend_defects
 from ..stages.highlights import restore_highlights
 from ..stages.luminance import recover_luminance
-from ..stages.noise import NoiseSettings, estimate_noise, rounding_noise
+from ..stages.noise import noise_models
 from .agree import Reference, agreement, block_colours, lit_evenly, shaded_alike, unclipped
 from .align import CLIPPED, TINY, View, align
 from .motion import Motion, displaced
@@ -48,9 +47,6 @@ _CANDIDATES = 4  # frames that are tried as the reference, at least; half of the
 _ALIKE = 0.02
 _BLURRED = 0.7  # of the median sharpness: below it a frame is no reference if another one is
 _AS_SHARP = 0.95  # of the greatest sharpness: of such frames the first is taken
-# how much less variance than the frames' median a model may state: 16 times the ISO, four stops,
-# explains as much
-_QUIETER = 16.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -358,53 +354,6 @@ def _window_means(plane: FloatArray | BoolArray) -> FloatArray:
     rows, columns = (count // size * size for count in plane.shape)
     cut = plane[:rows, :columns].reshape(rows // size, size, columns // size, size)
     return cut.mean(axis=(1, 3), dtype=np.float64).astype(np.float32)
-
-
-def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[NoiseModel | None]:
-    """The noise of each frame of a burst, scene units of the frame; None = there is none, or it is
-    unknown in all of them.
-
-    A frame without a calibrated model has that of another frame. If none is calibrated, or all
-    state no noise, frames of one sensitivity (ISO) share one estimate. No model states so little
-    noise that its frame would take all the weight. The noise of rounding to codes is added to
-    stated ones, and estimates are no less. Among frames with different channels each has its own:
-    all but those like the reference are left out.
-    """
-    if len({mosaic.pattern.channels for mosaic in mosaics}) > 1:
-        return [model for mosaic in mosaics for model in noise_models([mosaic], settings)]
-    known = [mosaic.calibration.noise for mosaic in mosaics]
-    is_stated = any(model and any(model.shot + model.read) for model in known)
-    if settings.estimate and None in known and not is_stated:
-        isos = [mosaic.metadata.iso for mosaic in mosaics]
-        groups = {iso: [mosaic for mosaic in mosaics if mosaic.metadata.iso == iso] for iso in isos}
-        estimates = {iso: estimate_noise(*group) for iso, group in groups.items()}
-        known = [estimates[iso] for iso in isos]
-    other = next((model for model in known if model), None)
-    if other is None:
-        return known
-    models = [model or other for model in known]
-    figures = np.array([(model.shot, np.square(model.read)) for model in models])  # (F, 2, planes)
-    if not figures.any():  # they state that there is none
-        return list(models)
-    figures = np.maximum(figures, np.median(figures, axis=0) / _QUIETER)
-    rounding = np.array(list(map(rounding_noise, mosaics)))
-    read = figures[:, 1]
-    figures[:, 1] = read + rounding if is_stated else np.maximum(read, rounding)
-    return [NoiseModel(tuple(shot), tuple(np.sqrt(read))) for shot, read in figures.tolist()]
-
-
-def mend_frame(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings) -> Frame:
-    """A frame without defects, shaded equally for all filters (`Mosaic.evenly_shaded`), as in
-    `clean_frame`.
-
-    Parameters
-    ----------
-    noise : NoiseModel | None
-        See `noise_models`.
-    """
-    calibration = replace(mosaic.calibration, noise=noise and noise.possible())
-    samples = mosaic.calibrated(calibration).evenly_shaded()
-    return mend_defects(uncleaned(mosaic, samples), settings.defects)
 
 
 def view_of(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings) -> View:

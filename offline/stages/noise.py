@@ -10,8 +10,8 @@ that quantile of a chi-square distribution is, is the noise there. The model is 
 smooth windows and are left out.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -46,32 +46,44 @@ _SHARE = 0.1  # quantile of the variances in a bin that stands for its smooth wi
 _NORMAL_QUANTILE = -1.2816  # that quantile of the standard normal distribution
 _TEXTURED = 1.5  # times the variance of the line: a bin above it has no smooth windows
 _ROUNDS = 4  # of leaving out such bins; two do as well
+# how much less variance than the frames' median a model may state: 16 times the ISO, four stops,
+# explains as much
+_QUIETER = 16.0
 
 
-def with_noise_model(mosaic: Mosaic, settings: NoiseSettings, rounding: DoubleArray) -> Mosaic:
-    """The mosaic; if the settings ask for an estimate, with one where its calibration has no noise
-    model, and with the noise of rounding added to a stated one; an estimate is no less.
+def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[NoiseModel | None]:
+    """The noise of each frame, or of one, scene units of the frame; None = there is none, or it is
+    unknown in all of them.
 
-    rounding: see `rounding_noise`.
+    A frame without a calibrated model has that of another frame. If none is calibrated, or all
+    state no noise, frames of one sensitivity (ISO) share one estimate. No model states so little
+    noise that its frame would take all the weight. The noise of rounding to codes is added to
+    stated ones, and estimates are no less. Among frames with different channels each has its own:
+    all but those like the reference are left out.
     """
-    if not settings.estimate:
-        return mosaic
-    noise = stated = mosaic.calibration.noise
-    if noise is None and (found := estimate_noise(mosaic)):
-        noise = found.possible()
-    if noise and any(noise.shot + noise.read):  # else it states that there is none
-        square = np.square(noise.read)
-        read = np.sqrt(square + rounding if stated else np.maximum(square, rounding))
-        noise = replace(noise, read=tuple(read.tolist())).possible()
-    return replace(mosaic, calibration=replace(mosaic.calibration, noise=noise))
-
-
-def rounding_noise(mosaic: Mosaic) -> DoubleArray:
-    """The variance that rounding to codes adds, scene units squared, of each plane; calibration
-    leaves it out. 0 of samples that are no codes.
-    """
-    rounded = mosaic.samples.dtype == np.uint16
-    return ROUNDING * rounded * np.square(mosaic.calibration.scale())
+    if len({mosaic.pattern.channels for mosaic in mosaics}) > 1:
+        return [model for mosaic in mosaics for model in noise_models([mosaic], settings)]
+    known = [mosaic.calibration.noise for mosaic in mosaics]
+    is_stated = any(model and any(model.shot + model.read) for model in known)
+    if settings.estimate and None in known and not is_stated:
+        isos = [mosaic.metadata.iso for mosaic in mosaics]
+        groups = {iso: [mosaic for mosaic in mosaics if mosaic.metadata.iso == iso] for iso in isos}
+        estimates = {iso: estimate_noise(*group) for iso, group in groups.items()}
+        known = [estimates[iso] for iso in isos]
+    other = next((model for model in known if model), None)
+    if other is None:
+        return known
+    models = [model or other for model in known]
+    figures = np.array([(model.shot, np.square(model.read)) for model in models])  # (F, 2, planes)
+    if not figures.any():  # they state that there is none
+        return list(models)
+    figures = np.maximum(figures, np.median(figures, axis=0) / _QUIETER)
+    # calibration leaves out what rounding to codes adds
+    coded = [mosaic.calibration.scale() * (mosaic.samples.dtype == np.uint16) for mosaic in mosaics]
+    rounding = ROUNDING * np.square(coded)
+    read = figures[:, 1]
+    figures[:, 1] = read + rounding if is_stated else np.maximum(read, rounding)
+    return [NoiseModel(tuple(shot), tuple(np.sqrt(read))) for shot, read in figures.tolist()]
 
 
 def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:

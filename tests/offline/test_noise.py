@@ -6,13 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panchroma.offline import clean_frame
+from panchroma.offline import BEST, PAPER, clean_frame
 from panchroma.offline.stages.chromaticity import sigma_z
 from panchroma.offline.stages.noise import (
-    NoiseSettings,
     estimate_noise,
-    rounding_noise,
-    with_noise_model,
 )
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import FloatArray
@@ -80,14 +77,11 @@ def test_clipped_parts_do_not_count() -> None:
 
 def test_what_the_calibration_knows_is_not_estimated() -> None:
     mosaic = noisy(smooth((400, 600)), CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
-    none = rounding_noise(mosaic)
-    assert not none.any()
-    assert with_noise_model(mosaic, NoiseSettings(estimate=False), none) is mosaic
-    estimated = with_noise_model(mosaic, NoiseSettings(estimate=True), none)
-    assert estimated.calibration.noise == estimate_noise(mosaic)
+    for settings, expected in ((PAPER, None), (BEST, estimate_noise(mosaic))):
+        assert clean_frame(mosaic, settings).noise == expected
     model = NoiseModel.gaussian(0.5, 4)
     known = Mosaic(mosaic.signal, mosaic.pattern, replace(mosaic.calibration, noise=model))
-    assert with_noise_model(known, NoiseSettings(estimate=False), none) is known
+    assert clean_frame(known, PAPER).noise == clean_frame(known, BEST).noise == model
 
 
 @pytest.mark.parametrize("bits", [8, 12])

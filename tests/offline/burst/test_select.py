@@ -8,7 +8,8 @@ import pytest
 from panchroma.offline import BEST, PAPER
 from panchroma.offline.burst import merge_burst
 from panchroma.offline.burst.align import View
-from panchroma.offline.burst.select import candidates_of, copies, noise_models
+from panchroma.offline.burst.select import candidates_of, copies
+from panchroma.offline.stages.noise import noise_models
 from panchroma.shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
 
 SHAPE, PATTERN, CAMERA = (150, 132), CfaPattern.bayer(6), SensorCalibration.of_bits(12)
