@@ -23,7 +23,7 @@ from ...shared.arrays import ByteArray, FloatArray, IndexArray
 from ..bands import DARK, Band, Halo, RowStage
 from ..frame import BlockSums, Frame, Sites
 from ..numerics.gaussian import filtered, gaussian, smoothed
-from ..numerics.linked import SIDE, Extent, Prior, Samples, fitted
+from ..numerics.linked import SIDE, Extent, Prior, fitted
 from .agree import FILL_ERROR, NEIGHBOURHOOD
 from .align import TINY
 from .motion import in_reference
@@ -259,12 +259,12 @@ class Spreading(RowStage):
         order, down, precision = self._in_rows
         first, end = np.searchsorted(down, band.first), np.searchsorted(down, band.end - 1, "right")
         near = order[first:end]
-        samples, noise = samples_of(band, self.samples, near, precision[near], gamma)
+        weights, products, noise = samples_of(band, self.samples, near, precision[near], gamma)
         extent = Extent(rows[0] - band.first, rows[1] - band.first, HALO, TOLERANCE)
         usual = float(np.median(precision)) if precision.size else 1.0
         prior = Prior(_SMOOTHNESS, max(_FADING * usual, _LEAST_FADING), _EDGE * self.samples.level)
-        fields = fitted(band.luminance, samples, prior, extent)
-        fields *= beyond_noise(samples, noise)[extent.first : extent.end]
+        fields = fitted(band.luminance, weights, products, prior, extent)
+        fields *= beyond_noise(weights, products, noise)[extent.first : extent.end]
         fields = np.moveaxis(fields, 0, 2)
         divisor = np.where(shown.luminance > DARK, shown.luminance, np.inf)[..., None]
         change = (fields - fields.mean(axis=2, keepdims=True)) / (gamma * divisor)
@@ -273,9 +273,10 @@ class Spreading(RowStage):
 
 def samples_of(
     band: Band, samples: ColourSamples, near: IndexArray, precision: FloatArray, gamma: FloatArray
-) -> tuple[Samples, FloatArray]:
-    """Residuals of samples in a band of the picture, times gamma, distributed to the four pixels
-    around each sample, and the variance of what noise adds to the products.
+) -> list[FloatArray]:
+    """Weights of samples in a band of the picture, distributed to the four pixels around each, and
+    these times their residuals, times gamma; and the variance of what noise adds to the latter:
+    float32 (C, rows, W) each.
 
     Parameters
     ----------
@@ -303,11 +304,10 @@ def samples_of(
     noise = weights * (samples.error * samples.weight[near])[:, None]
     planes = weights, weights * residual[:, None], noise
     sums = (np.bincount(at, plane.ravel(), math.prod(shape)) for plane in planes)
-    *of_samples, noise = (plane.reshape(shape).astype(np.float32) for plane in sums)
-    return Samples(*of_samples), noise
+    return [plane.reshape(shape).astype(np.float32) for plane in sums]
 
 
-def beyond_noise(samples: Samples, noise: FloatArray) -> FloatArray:
+def beyond_noise(weights: FloatArray, products: FloatArray, noise: FloatArray) -> FloatArray:
     """The fraction of the power of local mean residuals, in the plane of constant luminance, beyond
     what noise and `ColourSamples.error` explain, 0 to 1, (rows, W).
 
@@ -315,14 +315,14 @@ def beyond_noise(samples: Samples, noise: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    samples, noise : Samples, FloatArray
+    weights, products, noise : FloatArray
         What `samples_of` returns.
     """
     taps = gaussian(_NEAR)
     reach = len(taps) // 2
     border, inner = ((0, 0), (reach, reach), (reach, reach)), np.s_[:, reach:-reach, reach:-reach]
     # the variance of a sum has the squares of its weights
-    sums = zip((*samples, noise), (taps, taps, taps**2), strict=True)
+    sums = zip((weights, products, noise), (taps, taps, taps**2), strict=True)
     weights, products, left = (filtered(np.pad(planes, border), of)[inner] for planes, of in sums)
     weights = weights + np.float32(TINY)
     means = products / weights

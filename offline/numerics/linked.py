@@ -35,15 +35,6 @@ class Prior(NamedTuple):
     edge: float
 
 
-class Samples(NamedTuple):
-    """Samples of F fields, (F, rows, W): weights, 0 where there are none, and these times the
-    values.
-    """
-
-    weights: Floats3
-    products: Floats3
-
-
 class Extent(NamedTuple):
     """First and end row to solve, where chunks begin at the first; pixels around a chunk that are
     solved with it; tolerance.
@@ -55,13 +46,18 @@ class Extent(NamedTuple):
     tolerance: float
 
 
-def fitted(luminance: FloatArray, samples: Samples, prior: Prior, extent: Extent) -> FloatArray:
+def fitted(
+    luminance: FloatArray, weights: FloatArray, products: FloatArray, prior: Prior, extent: Extent
+) -> FloatArray:
     """Fields of some rows of a band of the picture, float32 (F, rows, W).
 
     Parameters
     ----------
     luminance : FloatArray
         (rows, W), of the band.
+    weights, products : FloatArray
+        Samples of F fields, (F, rows, W): weights, 0 where there are none, and these times the
+        values.
 
     Raises
     ------
@@ -70,9 +66,9 @@ def fitted(luminance: FloatArray, samples: Samples, prior: Prior, extent: Extent
     """
     rows, width = extent.end - extent.first, luminance.shape[1]
     chunks = chunk_count((rows, width), (SIDE, SIDE))
-    fields = np.empty((len(samples.weights), rows, width), np.float32)
+    fields = np.empty((len(weights), rows, width), np.float32)
     residuals, used = np.empty(chunks), np.empty(chunks, np.intp)
-    solve_linked(luminance, samples, prior, extent, fields, residuals, used)
+    solve_linked(luminance, weights, products, prior, extent, fields, residuals, used)
     solver.check_convergence("samples", used, residuals, extent.tolerance)
     return fields
 
@@ -81,7 +77,8 @@ def fitted(luminance: FloatArray, samples: Samples, prior: Prior, extent: Extent
 def solve_linked(
     chunks: Chunks,
     luminance: Frozen2,
-    samples: Samples,
+    weights: Floats3,
+    products: Floats3,
     prior: Prior,
     extent: Extent,
     fields: Floats3,
@@ -103,8 +100,8 @@ def solve_linked(
         first, last, halo = extent.first + top, extent.first + bottom, extent.halo
         rows = slice(max(first - halo, 0), min(last + halo, height))
         columns = slice(max(left - halo, 0), min(end + halo, width))
-        weights, products = samples.weights[:, rows, columns], samples.products[:, rows, columns]
-        solved = _solved(luminance[rows, columns], weights, products, prior, extent.tolerance)
+        given = luminance[rows, columns], weights[:, rows, columns], products[:, rows, columns]
+        solved = _solved(*given, prior, extent.tolerance)
         solution, residuals[chunk], used[chunk] = solved
         for field in range(len(fields)):
             for row in range(top, bottom):

@@ -5,7 +5,7 @@ import pytest
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from panchroma.offline.numerics.linked import SIDE, Extent, Prior, Samples, fitted
+from panchroma.offline.numerics.linked import SIDE, Extent, Prior, fitted
 from panchroma.shared.arrays import DoubleArray
 
 PRIOR = Prior(0.1, 1e-3, 0.3)
@@ -36,8 +36,8 @@ def test_fields_are_the_minimum_of_the_sum_of_squares(fields: int, shape: tuple[
     luminance, weights = random.uniform(0.1, 1, shape), random.uniform(0, 1, (fields, *shape))
     weights *= random.uniform(0, 1, weights.shape) < 0.5
     products = weights * random.uniform(-0.5, 0.5, weights.shape)
-    plane, *samples = (plane.astype(np.float32) for plane in (luminance, weights, products))
-    found = fitted(plane, Samples(*samples), PRIOR, Extent(0, shape[0], HALO, 1e-5))
+    plane, wide, sums = (plane.astype(np.float32) for plane in (luminance, weights, products))
+    found = fitted(plane, wide, sums, PRIOR, Extent(0, shape[0], HALO, 1e-5))
     for weight, product, field in zip(weights, products, found, strict=True):
         matrix = laplacian(luminance) + sparse.diags_array(weight.ravel() + PRIOR.fading)
         exact = spsolve(matrix.tocsc(), product.ravel()).reshape(shape)
