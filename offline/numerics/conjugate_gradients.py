@@ -160,11 +160,19 @@ def solve(
         used += 1
         for field in range(count):
             turn = np.float32(squared[field] / before[field] if before[field] > 0 else 0)
-            _turn(direction[field], better[field], turn)
+            p, z = direction[field].reshape(-1), better[field].reshape(-1)
+            for index in range(len(p)):  # towards the preconditioned residual
+                p[index] = z[index] + turn * p[index]
         _multiply(system.links, ONE if scaled else ZERO, direction, applied)
+        if not scaled:
+            diagonal, p, sums = (
+                system.diagonal.reshape(-1),
+                direction.reshape(-1),
+                applied.reshape(-1),
+            )
+            for index in range(len(sums)):
+                sums[index] += diagonal[index] * p[index]
         for field in range(count):
-            if not scaled:
-                _add_product(system.diagonal[field], direction[field], applied[field])
             curvature = product(direction[field], applied[field])
             steps[field] = squared[field] / curvature if curvature != 0 else 0
             before[field] = squared[field]
@@ -235,21 +243,6 @@ def _advance(
             r[index] = rest
             sums[column] += rest * rest
     return _total(sums)
-
-
-@kernel
-def _turn(direction: Floats2, better: Floats2, turn: Scalar) -> None:
-    """Turn the direction towards the preconditioned residual."""
-    p, z = direction.reshape(-1), better.reshape(-1)
-    for index in range(len(p)):
-        p[index] = z[index] + turn * p[index]
-
-
-@kernel
-def _add_product(weight: Floats2, values: Floats2, out: Floats2) -> None:
-    w, x, sums = weight.reshape(-1), values.reshape(-1), out.reshape(-1)
-    for index in range(len(w)):
-        sums[index] += w[index] * x[index]
 
 
 @kernel
