@@ -35,7 +35,8 @@ def kernels_to_compile() -> list[str]:
     >>> "mix" in kernels_to_compile()
     False
     """
-    names = sorted(name for name, kernel in kernels.items() if not (kernel.ready or kernel.kept()))
+    known = (name for name, kernel in kernels.items() if not (kernel.compiled or kernel.kept()))
+    names = sorted(known)
     if names:
         writable_cache()
     return sorted(names, key=lambda name: (*_LONGEST, name).index(name))

@@ -86,12 +86,7 @@ class ParallelKernel(Generic[P]):
         self, function: Callable[Concatenate[Chunks, P], None], chunks: Callable[..., int]
     ) -> None:
         self.function, self._chunks = function, chunks
-        self._compiled: Callable[..., None] | None = None
-
-    @property
-    def ready(self) -> bool:
-        """True if it is compiled in this process."""
-        return self._compiled is not None
+        self.compiled: Callable[..., None] | None = None  # in this process
 
     def __call__(self, *arguments: P.args, **_: P.kwargs) -> None:
         """Compute all chunks, in `threads()` threads."""
@@ -106,11 +101,11 @@ class ParallelKernel(Generic[P]):
         """Read the machine code from the disk, or compile it and keep it there; return the
         function.
         """
-        if self._compiled is None:
+        if self.compiled is None:
             with _compiling:
-                if self._compiled is None:
-                    self._compiled = self._read_or_compiled()
-        return self._compiled
+                if self.compiled is None:
+                    self.compiled = self._read_or_compiled()
+        return self.compiled
 
     def kept(self) -> bool:
         """True if there is machine code on the disk, of these sources and for this processor."""
@@ -128,7 +123,8 @@ class ParallelKernel(Generic[P]):
             with suppress(Exception):  # no file, a damaged one: they have no common base
                 return self._through_numba(kinds, path)
         for begins in _listeners.get():
-            begins(sum(kernel.ready for kernel in kernels.values()) + 1, len(kernels))
+            ready = sum(kernel.compiled is not None for kernel in kernels.values())
+            begins(ready + 1, len(kernels))
         try:
             return self._through_numba(kinds)
         except Exception:  # no temporary folder, a full disk

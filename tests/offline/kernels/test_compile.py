@@ -232,7 +232,8 @@ def test_all_kernels_are_compiled_ahead_until_they_are_kept(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     import_module("panchroma.offline.burst")  # has kernels of its own
-    monkeypatch.setattr(product.ParallelKernel, "ready", False)
+    for kernel in product.kernels.values():
+        monkeypatch.setattr(kernel, "compiled", None)
     monkeypatch.setattr(product, "_folders", lambda _: [tmp_path])
     names = kernels_to_compile()
     assert names[0] == "solve_fields"  # takes longest
@@ -292,7 +293,7 @@ def test_little_work_is_done_by_the_thread_that_asks_for_it(
     def work(chunks: product.Chunks, _: IndexArray) -> None:
         seen.append((chunks[1] - chunks[0], threading.get_ident() == asking))
 
-    monkeypatch.setattr(made, "_compiled", work)
+    monkeypatch.setattr(made, "compiled", work)
     made(np.arange(product.LITTLE))
     assert seen == [(product.LITTLE, True)]
     made(np.arange(4 * product.LITTLE))
