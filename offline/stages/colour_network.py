@@ -36,7 +36,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from ...shared.arrays import FloatArray, IndexArray, mirrored
+from ...shared.arrays import FloatArray, IndexArray, Pair, mirrored
 from ...shared.networks import Block, load_network, network_for
 from ...shared.pattern import CfaPattern
 from ..bands import DARK, Band, Halo, RowStage
@@ -80,9 +80,6 @@ _HALO = REACH + MARGIN
 _THIRD = np.float32(1 / 3)
 # of luminance: more makes dark specks beside edges; added is at most luminance here and around
 _MOST_TAKEN = np.float32(0.4)
-
-Span = tuple[int, int]
-"""First and end of some rows, or columns, of superpixels; they may lie outside the frame."""
 
 
 def network_name(pattern: CfaPattern) -> str | None:
@@ -221,7 +218,7 @@ class Contrast(NamedTuple):
         departures, mean, colour = map(_inner, (departures, mean, colour))
         return cls(pixels, departures, error, variance, own, mean, colour, activity, bound)
 
-    def around(self, rows: Span, columns: Span, margin: int) -> "Contrast":
+    def around(self, rows: Pair, columns: Pair, margin: int) -> "Contrast":
         """Return some of the superpixels inside the outermost `REACH`, with `margin` more on each
         side.
         """
@@ -331,7 +328,7 @@ class Superpixels:
         self.channels = [pattern.channels.index(letter) for letter in "RGB"]
 
     def cut(
-        self, band: Band, gamma: FloatArray, window: Sequence[Span], weights: FloatArray = WEIGHTS
+        self, band: Band, gamma: FloatArray, window: Sequence[Pair], weights: FloatArray = WEIGHTS
     ) -> FloatArray:
         """Return three weighted sums of R, G and B, times gamma, of some superpixels, mirrored as
         the network knows them.
@@ -342,8 +339,8 @@ class Superpixels:
         ----------
         band : Band
             All rows of the frame that the superpixels show.
-        window : Sequence[Span]
-            Rows and columns of superpixels.
+        window : Sequence[Pair]
+            First and end of rows and columns of superpixels; they may lie outside the frame.
         weights : FloatArray, optional
             (3, 3).
         """
@@ -358,7 +355,7 @@ class Superpixels:
         cut_superpixels(band.luminance, band.chromaticity, of_channels, down, across, picture)
         return picture
 
-    def pixels(self, axis: int, span: Span) -> IndexArray:
+    def pixels(self, axis: int, span: Pair) -> IndexArray:
         """Rows, or columns, of the frame at pixels of superpixels, as the network knows them."""
         pixels = self.origin[axis] + np.arange(span[0] * self.period, span[1] * self.period)
         return np.ascontiguousarray(pixels[:: self.steps[axis]])
@@ -483,7 +480,7 @@ class Residuals:
         self._grid, self._first = grid, (grid.blocks[0] + rows.start - 1, grid.blocks[1] - 1)
         self._values = np.concatenate([error, np.stack([variance, kept], axis=2)], axis=2)
 
-    def of(self, rows: Span, columns: Span) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def of(self, rows: Pair, columns: Pair) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the residuals at the S sites of some superpixels, mirrored, the variance of their
         noise, and the share of errors that is corrected (`Frame.kept`).
 

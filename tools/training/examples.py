@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from ...offline import BEST, Band, measure, use_threads
 from ...offline.pipeline import run_row_stages
-from ...offline.stages.colour_network import Residuals, Span, Superpixels
+from ...offline.stages.colour_network import Residuals, Superpixels
 from ...offline.version import ALGORITHM
 from ...shared import CfaPattern, DoubleArray, FloatArray, InputError, Mosaic, SensorCalibration
+from ...shared.arrays import Pair
 from ...shared.writing import durable_file
 from ..batch.progress import StageProgress
 from ..simulation.load import load_scene
@@ -203,7 +204,7 @@ def make_example(source: str, pattern: CfaPattern, seed: tuple[int, ...]) -> lis
     return [*kept, variance[None]]
 
 
-def _picture(grid: Superpixels, band: Band, rows: Span, columns: Span) -> FloatArray:
+def _picture(grid: Superpixels, band: Band, rows: Pair, columns: Pair) -> FloatArray:
     """Return R, G and B of the pixels of some superpixels, (3, h K, w K)."""
     weights = np.eye(3, dtype=np.float32)
     pixels = grid.cut(band, np.ones(3, np.float32), (rows, columns), weights)
