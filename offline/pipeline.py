@@ -255,16 +255,9 @@ def mend_frame(
     """
     calibration = replace(mosaic.calibration, noise=noise and noise.possible())
     samples = mosaic.calibrated(calibration).evenly_shaded()
-    return mend_defects(uncleaned(mosaic, samples), settings.defects, progress)
-
-
-def uncleaned(mosaic: Mosaic, samples: Mosaic) -> Frame:
-    """The samples of a mosaic in scene units, shaded equally for all filters, with what the mosaic
-    says of them.
-    """
-    estimated = mosaic.calibration.noise is None
-    limit = clipping_level(mosaic, samples.calibration.noise)
-    return Frame(samples, limit, estimated=estimated, shading=mosaic.calibration.shading)
+    estimated, limit = mosaic.calibration.noise is None, clipping_level(mosaic, calibration.noise)
+    frame = Frame(samples, limit, estimated=estimated, shading=mosaic.calibration.shading)
+    return mend_defects(frame, settings.defects, progress)
 
 
 def estimate_colour(

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panchroma.offline import Band, Frame
+from panchroma.offline import PAPER, Band, Frame, clean_frame
 from panchroma.offline.bands import run_stages
 from panchroma.offline.burst.colour import ColourSamples, Spreading, relit_sites
 from panchroma.offline.frame import BlockSums
 from panchroma.offline.numerics.linked import SIDE
-from panchroma.offline.pipeline import uncleaned
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from tests.scenes import darker_corners
@@ -122,7 +121,7 @@ def test_a_saturated_sample_is_replaced_whatever_the_shading_of_its_channel(
     camera = SensorCalibration.of_bits(12, shading=darker_corners(shape, colour=0.3))
     codes = np.full(shape, 3839 - below, np.uint16)  # saturated, or by two codes not
     mosaic = Mosaic(codes, CfaPattern.of_letters(tile), camera)
-    frame = uncleaned(mosaic, mosaic.evenly_shaded())
+    frame = clean_frame(mosaic, PAPER)
     assert frame.signal.min() < 0.7 * frame.signal.max()
     weight, colour = np.full((*frame.sites.shape, 3), 4.0), np.array([0.9, 0.6, 0.3])
     relit = relit_sites(
