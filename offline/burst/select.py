@@ -275,7 +275,7 @@ def emptiness(frame: View) -> str:
     if (share := float((frame.luminance >= CLIPPED * frame.limit).mean())) > _GONE:
         return f"is overexposed: {100 * share:.0f} % of it is clipped"
     sigma = frame.noise.sigma(0)
-    is_dark = _level(frame) <= _DARK * sigma
+    is_dark = frame.luminance.mean(dtype=np.float64) <= _DARK * sigma
     if is_dark and (frame.luminance > _BRIGHTER * sigma).mean() <= _STARS:
         return "is black: there is no light beyond noise"
     return ""
@@ -291,7 +291,7 @@ def candidates_of(frames: Sequence[View]) -> list[int]:
         usable[number] = ((plane < CLIPPED * frame.limit) & (plane > frame.noise.sigma(0))).mean()
         power, of_noise = _detail(frame, np.ones(frame.luminance.shape, bool))
         amplitude = float(np.maximum(power - of_noise, 0).mean()) ** 0.5
-        level = max(_level(frame), frame.noise.sigma(0), TINY)
+        level = max(float(plane.mean(dtype=np.float64)), frame.noise.sigma(0), TINY)
         sharpness[number] = 0 if emptiness(frame) else amplitude / level
     sharp = sharpness >= _BLURRED * np.median(sharpness)
     left, chosen = np.ones(len(frames), bool), list[int]()
@@ -302,11 +302,6 @@ def candidates_of(frames: Sequence[View]) -> list[int]:
         chosen.append(int(np.argmax(good)))
         left[chosen[-1]] = False
     return chosen
-
-
-def _level(frame: View) -> float:
-    """Mean luminance."""
-    return float(frame.luminance.mean(dtype=np.float64))
 
 
 def _detail(view: View, visible: BoolArray) -> tuple[FloatArray, FloatArray]:
