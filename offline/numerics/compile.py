@@ -14,7 +14,7 @@ import os
 import re
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
@@ -29,7 +29,6 @@ import numpy as np
 from llvmlite import binding
 from numba import types
 from numba.extending import register_jitable
-from numpy.typing import NDArray
 
 from ...shared.arrays import Pair
 from ...shared.errors import OutputError
@@ -91,7 +90,7 @@ class ParallelKernel(Generic[P]):
     def __call__(self, *arguments: P.args, **_: P.kwargs) -> None:
         """Compute all chunks, in `threads()` threads."""
         compiled, chunks = self.compile(), self._chunks(*arguments)
-        largest = max(array.size for array in _arrays(arguments))
+        largest = _largest(arguments)
         together = max(1, min(chunks * _TOGETHER // max(largest, 1), -(-chunks // (2 * threads()))))
         if largest <= LITTLE:
             together = chunks
@@ -200,13 +199,11 @@ def _version() -> str:
     return hashlib.sha256(repr(facts).encode()).hexdigest()[:16]
 
 
-def _arrays(arguments: Iterable[object]) -> Iterator[NDArray[Any]]:
-    """The arrays among arguments, also in tuples of them."""
-    for argument in arguments:
-        if isinstance(argument, np.ndarray):
-            yield argument
-        elif isinstance(argument, tuple):
-            yield from _arrays(argument)
+def _largest(argument: object) -> int:
+    """Elements of the largest array among arguments, also in tuples of them."""
+    if isinstance(argument, tuple):
+        return max(map(_largest, argument))
+    return int(getattr(argument, "size", 0))
 
 
 def _numba_type(annotation: Any) -> Any:

@@ -66,10 +66,6 @@ class DenoisingSettings(StageSettings):
     threshold: Positive = 2.4
 
 
-# Pixels between two reports of progress, and the least number of rows.
-_PIXELS, _LEAST_ROWS = 1 << 21, 256
-
-
 def denoise_luminance(
     luminance: FloatArray, mosaic: Mosaic, settings: DenoisingSettings, progress: Progress = SILENT
 ) -> FloatArray:
@@ -84,7 +80,7 @@ def denoise_luminance(
     mosaic : Mosaic
         Its noise model and its pattern are used.
     """
-    (height, width), noise = luminance.shape, mosaic.calibration.noise
+    noise = mosaic.calibration.noise
     if noise is None:
         return luminance
     shot, read = settings.strength**2 * noise.shot[-1], settings.strength * noise.read[-1]
@@ -94,15 +90,13 @@ def denoise_luminance(
     transforms = np.zeros((len(sizes), sizes.max(), sizes.max()), np.float32)
     for transform, size in zip(transforms, settings.sizes, strict=True):
         transform[:size, :size] = cosines(size)
-    filled = ~mosaic.pattern.panchromatic_mask((mosaic.pattern.period, width))
+    filled = ~mosaic.pattern.panchromatic_mask((mosaic.pattern.period, luminance.shape[1]))
     result = np.empty_like(luminance)
-    step = max(_PIXELS // width // _LEAST_ROWS, 1) * _LEAST_ROWS
-    progress.stage("denoising luminance", -(-height // step))
+    progress.stage("denoising luminance", 1)
     noise_model = np.float32(shot), np.float32(read)
     shrinkage = Shrinkage(sizes, transforms, *noise_model, np.float32(settings.threshold))
-    for top in range(0, height, step):
-        denoise(luminance, filled, top, shrinkage, result[top : top + step])
-        progress.advance()
+    denoise(luminance, filled, shrinkage, result)
+    progress.advance()
     return result
 
 
@@ -173,9 +167,9 @@ class Memory(NamedTuple):
 
 @parallel_kernel(chunks=lambda *arguments: chunk_count(arguments[-1].shape, _WINDOW))
 def denoise(
-    chunks: Chunks, noisy: Floats2, filled: Bools2, first: int, shrinkage: Shrinkage, out: Floats2
+    chunks: Chunks, noisy: Floats2, filled: Bools2, shrinkage: Shrinkage, out: Floats2
 ) -> None:
-    """Denoise some rows of a frame.
+    """Denoise a frame.
 
     Parameters
     ----------
@@ -184,10 +178,8 @@ def denoise(
     filled : Bools2
         bool (any rows, W), repeated down the frame: samples that the second pass replaces by the
         first pass's result.
-    first : int
-        The first row to compute.
     out : Floats2
-        (rows, W), written.
+        (H, W), written.
     """
     (height, width), most = noisy.shape, shrinkage.transforms.shape[1]
     inner, halo = most - 1, 2 * (most - 1)
@@ -200,7 +192,7 @@ def denoise(
     memory = Memory(samples, pilot, sums, weights, halves, block)
     for window in range(chunks[0], chunks[1]):
         above, below, left, right = chunk_at(window, out.shape, _WINDOW)
-        top = first + above - halo
+        top = above - halo
         down = below - above + 2 * halo
         across = right - left + 2 * halo
         # Where each row and column of the window lies in the frame, and each column in memory.

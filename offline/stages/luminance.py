@@ -91,7 +91,6 @@ _AROUND = 1.0
 _WHITE = 3.0
 # sites of a block that the samples in it are a good start for: those of a Bayer block
 _BAYER_SITES = 4
-_ROWS = 128  # rows of blocks that are filled between two reports of progress
 
 
 def recover_luminance(
@@ -119,7 +118,7 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
     start = _around(signal, holes) if averaged else signal
     rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) and len(columns):
-        progress.stage("reconstructing luminance", -(-len(rows) // _ROWS))
+        progress.stage("reconstructing luminance", 1)
         start = signal.copy() if start is signal else start
         return _fill_isolated(start, pattern, (rows, columns), thresholds, progress)
     progress.stage("reconstructing luminance", settings.iterations)
@@ -209,13 +208,9 @@ def _fill_isolated(
         start[edge] = filled
     places, extent = np.array([site[:2] for site in pattern.sites]), pattern.block_shape
     inside = np.flatnonzero(np.pad(np.ones((3, down + 3, across + 3)), ((0, 0), (1, 1), (1, 1))))
-    kind = extent, places, _response(extent, places), inside
-    for first in range(0, len(rows), _ROWS):
-        corner = int(rows[first]), int(columns[0])
-        down = min(_ROWS, len(rows) - first)
-        blocks = Blocks(corner, (down, len(columns)), pattern.period, *kind)
-        fill_blocks(start, blocks, thresholds)
-        progress.advance()
+    grid = (int(rows[0]), int(columns[0])), (len(rows), len(columns)), pattern.period
+    fill_blocks(start, Blocks(*grid, extent, places, _response(extent, places), inside), thresholds)
+    progress.advance()
     return start
 
 

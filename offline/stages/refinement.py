@@ -214,14 +214,10 @@ def _weigh(plane: Floats2, rows: Pair, columns: Pair, window: Window, weights: F
                 for tap in range(1, len(blur)):
                     total += blur[tap] * load(lines, (row - reach + tap, column))
                 store(weights, (offset, row, column), total * falloff)
-            _exponentials(weights[offset, row, columns[0] : columns[1]])
-
-
-@kernel
-def _exponentials(line: Floats1) -> None:
-    for column in range(len(line)):
-        weight = exponential(line[column])
-        line[column] = weight if line[column] >= LEAST_EXPONENT else ZERO
+            line = weights[offset, row, columns[0] : columns[1]]
+            for column in range(len(line)):
+                weight = exponential(line[column])
+                line[column] = weight if line[column] >= LEAST_EXPONENT else ZERO
 
 
 @kernel

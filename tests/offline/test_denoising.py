@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from panchroma.offline.settings import BEST
-from panchroma.offline.stages import denoising as product
 from panchroma.offline.stages.denoising import denoise_luminance
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel
 from panchroma.shared.arrays import DoubleArray, FloatArray
@@ -43,20 +42,6 @@ def noisy(clean: DoubleArray, model: NoiseModel, filled: float = 1.0) -> tuple[M
 
 def deviation(clean: DoubleArray, model: NoiseModel) -> DoubleArray:
     return np.sqrt(model.shot[-1] * clean + model.read[-1] ** 2)
-
-
-@pytest.mark.parametrize("shape", [(45, 38), (7, 9), (9, 37), (140, 9), (8, 270)])
-@pytest.mark.parametrize("sizes", [(4, 8, 12), (16,)])
-def test_steps_equal_the_whole(
-    shape: tuple[int, int], sizes: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    mosaic, luminance = noisy(wave(shape), MODELS[1])
-    settings = replace(SETTINGS, sizes=sizes)
-    whole = denoise_luminance(luminance, mosaic, settings)
-    monkeypatch.setattr(product, "_PIXELS", 1)
-    for rows in (16, 7):
-        monkeypatch.setattr(product, "_LEAST_ROWS", rows)
-        assert_close(denoise_luminance(luminance, mosaic, settings), whole, FLOAT32)
 
 
 def test_clear_light_stays() -> None:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from panchroma.offline.settings import UNLEARNED
-from panchroma.offline.stages import luminance as product
 from panchroma.offline.stages.luminance import LuminanceSettings, recover_luminance
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared.arrays import DoubleArray
@@ -72,14 +71,6 @@ def test_equals_the_reference_at_extreme_values(period: int, scale: float) -> No
     pattern = CfaPattern.bayer(period, origin=(1, 2))
     mosaic = Mosaic(samples.astype(np.float32), pattern, SensorCalibration())
     assert_close(recover_luminance(mosaic, PAPER), expected(mosaic), FLOAT32 * max(1.0, scale))
-
-
-@pytest.mark.parametrize("period", [6, 8])
-def test_blocks_are_filled_alike_in_steps(monkeypatch: pytest.MonkeyPatch, period: int) -> None:
-    mosaic = shot(CfaPattern.bayer(period, origin=(2, 1)), (163, 201))
-    whole = recover_luminance(mosaic, PAPER)
-    monkeypatch.setattr(product, "_ROWS", 3)
-    assert np.array_equal(recover_luminance(mosaic, PAPER), whole)
 
 
 @pytest.mark.parametrize("case", ["paper", "odd", "period 8"])
