@@ -23,7 +23,7 @@ from ...shared.arrays import ByteArray, FloatArray, IndexArray
 from ..bands import DARK, Band, Halo, RowStage
 from ..frame import BlockSums, Frame, Sites
 from ..numerics.gaussian import filtered, gaussian, smoothed
-from ..numerics.linked import SIDE, Extent, Prior, fitted
+from ..numerics.linked import SIDE, Fit, fitted
 from .agree import FILL_ERROR, NEIGHBOURHOOD
 from .align import TINY
 from .motion import in_reference
@@ -260,11 +260,12 @@ class Spreading(RowStage):
         first, end = np.searchsorted(down, band.first), np.searchsorted(down, band.end - 1, "right")
         near = order[first:end]
         weights, products, noise = samples_of(band, self.samples, near, precision[near], gamma)
-        extent = Extent(rows[0] - band.first, rows[1] - band.first, HALO, TOLERANCE)
+        span = rows[0] - band.first, rows[1] - band.first
         usual = float(np.median(precision)) if precision.size else 1.0
-        prior = Prior(_SMOOTHNESS, max(_FADING * usual, _LEAST_FADING), _EDGE * self.samples.level)
-        fields = fitted(band.luminance, weights, products, prior, extent)
-        fields *= beyond_noise(weights, products, noise)[extent.first : extent.end]
+        fading, edge = max(_FADING * usual, _LEAST_FADING), _EDGE * self.samples.level
+        fit = Fit(_SMOOTHNESS, fading, edge, HALO, TOLERANCE)
+        fields = fitted(band.luminance, weights, products, fit, span)
+        fields *= beyond_noise(weights, products, noise)[slice(*span)]
         fields = np.moveaxis(fields, 0, 2)
         divisor = np.where(shown.luminance > DARK, shown.luminance, np.inf)[..., None]
         change = (fields - fields.mean(axis=2, keepdims=True)) / (gamma * divisor)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...shared.arrays import FloatArray
+from ...shared.arrays import FloatArray, Pair
 from . import conjugate_gradients as solver
 from .arrays import Doubles1, Floats2, Floats3, Frozen2, Ints1
 from .compile import ONE, ZERO, Chunks, kernel, parallel_kernel
@@ -25,29 +25,20 @@ SIDE = 128
 _ITERATIONS = 1000  # at most; bursts of two to eight frames took 200 or less, in noise of 0 to 0.1
 
 
-class Prior(NamedTuple):
-    """Smoothness and fading, relative to the weight of a sample, and the difference of luminance,
-    scene units, that is an edge.
+class Fit(NamedTuple):
+    """Smoothness and fading, relative to the weight of a sample; the difference of luminance, scene
+    units, that is an edge; pixels around a chunk that are solved with it; and the tolerance.
     """
 
     smoothness: float
     fading: float
     edge: float
-
-
-class Extent(NamedTuple):
-    """First and end row to solve, where chunks begin at the first; pixels around a chunk that are
-    solved with it; tolerance.
-    """
-
-    first: int
-    end: int
     halo: int
     tolerance: float
 
 
 def fitted(
-    luminance: FloatArray, weights: FloatArray, products: FloatArray, prior: Prior, extent: Extent
+    luminance: FloatArray, weights: FloatArray, products: FloatArray, fit: Fit, span: Pair
 ) -> FloatArray:
     """Fields of some rows of a band of the picture, float32 (F, rows, W).
 
@@ -58,18 +49,20 @@ def fitted(
     weights, products : FloatArray
         Samples of F fields, (F, rows, W): weights, 0 where there are none, and these times the
         values.
+    span : Pair
+        First and end row to solve, where chunks begin at the first.
 
     Raises
     ------
     ConvergenceError
         When conjugate gradients do not reach their tolerance.
     """
-    rows, width = extent.end - extent.first, luminance.shape[1]
+    rows, width = span[1] - span[0], luminance.shape[1]
     chunks = chunk_count((rows, width), (SIDE, SIDE))
     fields = np.empty((len(weights), rows, width), np.float32)
     residuals, used = np.empty(chunks), np.empty(chunks, np.intp)
-    solve_linked(luminance, weights, products, prior, extent, fields, residuals, used)
-    solver.check_convergence("samples", used, residuals, extent.tolerance)
+    solve_linked(luminance, weights, products, fit, span, fields, residuals, used)
+    solver.check_convergence("samples", used, residuals, fit.tolerance)
     return fields
 
 
@@ -79,8 +72,8 @@ def solve_linked(
     luminance: Frozen2,
     weights: Floats3,
     products: Floats3,
-    prior: Prior,
-    extent: Extent,
+    fit: Fit,
+    span: Pair,
     fields: Floats3,
     residuals: Doubles1,
     used: Ints1,
@@ -96,22 +89,21 @@ def solve_linked(
     """
     height, width = luminance.shape
     for chunk in range(chunks[0], chunks[1]):
-        top, bottom, left, end = chunk_at(chunk, (extent.end - extent.first, width), (SIDE, SIDE))
-        first, last, halo = extent.first + top, extent.first + bottom, extent.halo
+        top, bottom, left, end = chunk_at(chunk, (span[1] - span[0], width), (SIDE, SIDE))
+        first, last, halo = span[0] + top, span[0] + bottom, fit.halo
         rows = slice(max(first - halo, 0), min(last + halo, height))
         columns = slice(max(left - halo, 0), min(end + halo, width))
         given = luminance[rows, columns], weights[:, rows, columns], products[:, rows, columns]
-        solved = _solved(*given, prior, extent.tolerance)
-        solution, residuals[chunk], used[chunk] = solved
+        solution, residuals[chunk], used[chunk] = _solved(*given, fit)
         for field in range(len(fields)):
             for row in range(top, bottom):
-                line = solution[field, solver.BORDER + extent.first + row - rows.start]
+                line = solution[field, solver.BORDER + span[0] + row - rows.start]
                 for column in range(left, end):
                     fields[field, row, column] = line[column - columns.start]
 
 
 @kernel
-def _link(luminance: Floats2, prior: Prior, links: Floats3) -> None:
+def _link(luminance: Floats2, fit: Fit, links: Floats3) -> None:
     """Write how much each pixel is to be like those to the right, below, below right and below
     left; little across edges.
 
@@ -120,10 +112,10 @@ def _link(luminance: Floats2, prior: Prior, links: Floats3) -> None:
     links : Floats3
         Planes of `conjugate_gradients`, zeros at first.
     """
-    scale, columns = np.float32(1 / prior.edge**2), luminance.shape[1]
+    scale, columns = np.float32(1 / fit.edge**2), luminance.shape[1]
     for link in range(len(ORIENTATIONS)):
         down, right = ORIENTATIONS[link]
-        weight = np.float32(prior.smoothness if link < 2 else prior.smoothness / 2)
+        weight = np.float32(fit.smoothness if link < 2 else fit.smoothness / 2)
         first, end = max(-right, 0), columns - max(right, 0)
         for row in range(len(luminance) - down):
             here, there = luminance[row, first:end], luminance[row + down, first + right :]
@@ -135,17 +127,17 @@ def _link(luminance: Floats2, prior: Prior, links: Floats3) -> None:
 
 @kernel
 def _solved(
-    luminance: Floats2, weights: Floats3, products: Floats3, prior: Prior, tolerance: float
+    luminance: Floats2, weights: Floats3, products: Floats3, fit: Fit
 ) -> tuple[FloatArray, float, int]:
     """The fields of a chunk, in planes of `conjugate_gradients`, its relative residual and the
     iterations used.
     """
     count, rows, columns = weights.shape
     padded = (count + solver.TOGETHER - 1) // solver.TOGETHER * solver.TOGETHER
-    degree, fading = solver.planes(1, (rows, columns))[0], np.float32(prior.fading)
+    degree, fading = solver.planes(1, (rows, columns))[0], np.float32(fit.fading)
     shape = degree.shape
     links, diagonal, residual = zeros(4, *shape), zeros(padded, *shape), zeros(padded, *shape)
-    _link(luminance, prior, links)
+    _link(luminance, fit, links)
     residual[0] = ONE
     solver.linked_sum(links, residual[0], degree)
     residual[0] = ZERO
@@ -155,6 +147,6 @@ def _solved(
             for column in range(columns):
                 residual[field, at, column] = products[field, row, column]
                 diagonal[field, at, column] = weights[field, row, column] + (sums[column] + fading)
-    fields, limits = zeros(padded, *shape), solver.Limits(tolerance, _ITERATIONS)
+    fields, limits = zeros(padded, *shape), solver.Limits(fit.tolerance, _ITERATIONS)
     left, used = solver.solve(solver.System(links, diagonal), residual, fields, limits, 0.0)
     return fields, left, used
