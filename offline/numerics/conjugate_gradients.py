@@ -142,7 +142,9 @@ def solve(
     work = zeros((2 if scaled else 3) * count, *residual.shape[1:])
     direction, applied = work[:count], work[count : 2 * count]
     better = residual if scaled else work[2 * count :]
-    inverse = _inverses(system.diagonal)
+    diagonal, inverse = system.diagonal.reshape(-1), unset(system.diagonal.size)
+    for index in range(len(inverse)):
+        inverse[index] = ONE / diagonal[index] if diagonal[index] > ZERO else ZERO
     steps, squared, before = np.zeros(count), np.zeros(count), np.zeros(count)
     used = 0
     while True:
@@ -151,8 +153,12 @@ def solve(
             squared[field] = _advance(
                 solution[field], residual[field], direction[field], applied[field], step
             )
-            if not scaled:
-                squared[field] = _precondition(residual[field], inverse[field], better[field])
+        if not scaled:
+            r, z = residual.reshape(-1), better.reshape(-1)
+            for index in range(len(z)):
+                z[index] = inverse[index] * r[index]
+            for field in range(count):
+                squared[field] = product(residual[field], better[field])
         worst = squared.max()  # NaN if one is
         norm = norm if norm > 0 else worst
         if used == limits.iterations or not worst > limits.tolerance**2 * norm:
@@ -165,11 +171,7 @@ def solve(
                 p[index] = z[index] + turn * p[index]
         _multiply(system.links, ONE if scaled else ZERO, direction, applied)
         if not scaled:
-            diagonal, p, sums = (
-                system.diagonal.reshape(-1),
-                direction.reshape(-1),
-                applied.reshape(-1),
-            )
+            p, sums = direction.reshape(-1), applied.reshape(-1)
             for index in range(len(sums)):
                 sums[index] += diagonal[index] * p[index]
         for field in range(count):
@@ -243,25 +245,6 @@ def _advance(
             r[index] = rest
             sums[column] += rest * rest
     return _total(sums)
-
-
-@kernel
-def _inverses(diagonal: Floats3) -> FloatArray:
-    """One over the diagonal, 0 where that is 0."""
-    result = unset(*diagonal.shape)
-    source, out = diagonal.reshape(-1), result.reshape(-1)
-    for index in range(len(out)):
-        out[index] = ONE / source[index] if source[index] > ZERO else ZERO
-    return result
-
-
-@kernel
-def _precondition(residual: Floats2, inverse: Floats2, better: Floats2) -> float:
-    """Write the residual over the diagonal to `better`. Returns the product of both."""
-    scale, r, z = inverse.reshape(-1), residual.reshape(-1), better.reshape(-1)
-    for index in range(len(z)):
-        z[index] = scale[index] * r[index]
-    return product(residual, better)
 
 
 def check_convergence(solver: str, used: IndexArray, residuals: DoubleArray, limit: float) -> None:
