@@ -101,11 +101,6 @@ def recover_luminance(
 
     The threshold falls by beta with each iteration.
     """
-    luminance = _filled(mosaic, settings, progress)
-    return correct_fill(luminance, mosaic) if settings.learned else luminance
-
-
-def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> FloatArray:
     pattern, signal = mosaic.pattern, mosaic.signal
     first, brightest = settings.threshold, float(signal.max())
     if settings.relative:
@@ -115,14 +110,15 @@ def _filled(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress) -> 
     thresholds = (first * settings.decay ** np.arange(settings.iterations)).astype(np.float32)
     holes = ~pattern.panchromatic_mask((pattern.period, signal.shape[1]))
     averaged = settings.relative or len(pattern.sites) > _BAYER_SITES
-    start = _around(signal, holes) if averaged else signal
+    start = _around(signal, holes) if averaged else signal.copy()
     rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) and len(columns):
         progress.stage("reconstructing luminance", 1)
-        start = signal.copy() if start is signal else start
-        return _fill_isolated(start, pattern, (rows, columns), thresholds, progress)
-    progress.stage("reconstructing luminance", settings.iterations)
-    return fill(start, holes, thresholds, progress)
+        luminance = _fill_isolated(start, pattern, (rows, columns), thresholds, progress)
+    else:
+        progress.stage("reconstructing luminance", settings.iterations)
+        luminance = fill(start, holes, thresholds, progress)
+    return correct_fill(luminance, mosaic) if settings.learned else luminance
 
 
 def fill(
