@@ -34,7 +34,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from ...shared import Mosaic, NoiseModel
+from ...shared import NoiseModel
 from ...shared.arrays import STRIP, BoolArray, DoubleArray, FloatArray, IndexArray
 from ...shared.progress import SILENT, Progress
 from ..frame import Frame
@@ -89,7 +89,10 @@ def mend_defects(frame: Frame, settings: DefectsSettings, progress: Progress = S
     if not (settings.listed or settings.contrast):
         return frame
     progress.stage("replacing defects", 2)
-    bad = _listed(frame.mosaic) if settings.listed else np.zeros(frame.shape, np.bool_)
+    bad = np.zeros(frame.shape, np.bool_)
+    if settings.listed:
+        listed = np.array(frame.mosaic.calibration.defects, np.intp).reshape(-1, 2)
+        bad[tuple(listed[(listed < frame.shape).all(axis=1)].T)] = True
     if settings.contrast:
         read = frame.noise.sigma(0) if frame.noise else 0.0
         dead = frame.signal < -max(_IMPOSSIBLE * read, _LEAST_IMPOSSIBLE)
@@ -114,14 +117,6 @@ def mend_defects(frame: Frame, settings: DefectsSettings, progress: Progress = S
         frame = frame.with_samples(signal)
     progress.advance()
     return frame
-
-
-def _listed(mosaic: Mosaic) -> BoolArray:
-    bad = np.zeros(mosaic.shape, np.bool_)
-    places = np.array(mosaic.calibration.defects, np.intp).reshape(-1, 2)
-    places = places[(places < mosaic.shape).all(axis=1)]
-    bad[places[:, 0], places[:, 1]] = True
-    return bad
 
 
 def find_outliers(frame: Frame, settings: DefectsSettings, bad: BoolArray) -> BoolArray:
