@@ -35,11 +35,10 @@ def kernels_to_compile() -> list[str]:
     >>> "mix" in kernels_to_compile()
     False
     """
-    known = (name for name, kernel in kernels.items() if not (kernel.compiled or kernel.kept()))
-    names = sorted(known)
+    names = [name for name, kernel in kernels.items() if not (kernel.compiled or kernel.kept())]
     if names:
         writable_cache()
-    return sorted(names, key=lambda name: (*_LONGEST, name).index(name))
+    return sorted(names, key=lambda name: ((*_LONGEST, name).index(name), name))
 
 
 def compile_kernel(name: str) -> None:

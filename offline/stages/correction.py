@@ -91,8 +91,7 @@ def update_luminance(frame: Frame, settings: Switch) -> FloatArray:
         error *= unclipped[rows, :, None]
         delta = estimate_errors(error, weight, frame, rows)[0][inner.start - rows.start :]
         for site, place in enumerate(frame.sites.at(inner)):
-            at_site = updated[place]
-            at_site += delta[: len(at_site), :, site]
+            updated[place] += delta[: inner.stop - inner.start, :, site]
 
     in_strips(work, height, 2 * BLOCK_ROWS)  # some rows are computed twice
     return updated
