@@ -267,7 +267,7 @@ def test_where_numba_may_not_compile_the_render_says_so(monkeypatch: pytest.Monk
     assert first == second
     assert "unset NUMBA_DISABLE_JIT" in first
     monkeypatch.delenv("NUMBA_DISABLE_JIT")
-    for name, value in (("NUMBA_CPU_FEATURES", "+avx,fma"),):
+    for name, value in (("NUMBA_NUM_THREADS", "0"), ("NUMBA_CPU_FEATURES", "+avx,fma")):
         with monkeypatch.context() as other:
             other.setenv(name, value)
             assert name in run_python(NO_MACHINE_CODE)
