@@ -40,10 +40,9 @@ def check_frames(mosaics: Sequence[Mosaic], settings: RenderSettings) -> None:
     brightest, least = float(np.abs(ends).max()) / white, min(1 / _FARTHEST, step / white)
     codes = any(mosaic.samples.dtype == np.uint16 for mosaic in mosaics)
     if brightest and not codes and not least <= brightest <= _FARTHEST:
-        found = f"{brightest:.2g} times white, expected {least:.2g} to {_FARTHEST:g}"
-        reason = "it is not in scene units, whose white is about 1"
+        found = f"{brightest:.2g} times white, expected {least:.2g} to {_FARTHEST:g} in scene units"
         remedy = f"multiply the samples, and their noise, by {2.0 ** -frexp(brightest)[1]:.3g}"
-        raise InputError(f"the brightest sample is {found}: {reason}; {remedy}")
+        raise InputError(f"the brightest sample is {found}; {remedy}")
 
 
 def check_finite(picture: FloatArray, first: int) -> None:

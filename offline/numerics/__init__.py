@@ -14,9 +14,7 @@ except PermissionError as error:  # it tries whether machine code may be made
     remedy = "MemoryDenyWriteExecute=no in systemd, execmem in SELinux"
     raise InputError(f"{fault}; allow it: {remedy}") from error
 except ValueError as error:
-    if "threads" not in str(error):
-        raise
-    raise InputError("NUMBA_NUM_THREADS is less than 1; set it to 1 or more, or unset it") from None
+    raise InputError(f"NUMBA_NUM_THREADS: {error} Set it to 1 or more, or unset it") from error
 if not all(name.startswith(("+", "-")) for name in (numba.config.CPU_FEATURES or "+").split(",")):
     expected = "expected names with + or - such as +avx2,-fma; set it right, or unset it"
     # LLVM would end the process
