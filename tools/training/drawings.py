@@ -27,7 +27,7 @@ _PANELS = 1.5  # rectangles of a colour under what is printed, on average
 _MARKED, _RULED = 0.15, 0.15  # share of words on a colour of their own, of rules below paragraphs
 _LAMPS, _NIGHT = 40, (1.0, 7.0)  # in a scene, on average; stops by which the rest is darker
 _SHINING = (-0.7, 1.0)  # their brightness, powers of ten
-_PAGES = (0.35, 0.25, 0.2, 0.1, 0.1)  # share of the kinds of pages, in their order below
+_PAGES = (0.3, 0.35, 0.15, 0.1, 0.1)  # share of the kinds of pages, in their order below
 
 
 def drawing(random: np.random.Generator) -> FloatArray:
