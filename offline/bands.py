@@ -179,8 +179,8 @@ def _checked(made: object, returned: str, band: Band, rows: tuple[int, int]) -> 
     """Output of a user's stage for these rows, with contiguous planes. Raises InputError, which
     begins with `returned`.
     """
-    if not isinstance(made, Band):
-        raise InputError(f"{returned} {type(made).__name__}, expected an offline.Band")
+    if not isinstance(made, Band) or made.luminance is None or made.chromaticity is None:
+        raise InputError(f"{returned} {type(made).__name__}, expected an offline.Band with planes")
     width, channels = band.chromaticity.shape[1:]
     shape = rows[1] - rows[0], width
     shapes = {"luminance": shape, "chromaticity": (*shape, channels), "residual": shape}

@@ -294,11 +294,13 @@ def estimate_colour(
     >>> estimate_colour(clean_frame(grey), np.full((30, 40), 0.75, np.float32)).blocks.shape[2]
     3
     """
+    given = np.asarray(luminance)
     with np.errstate(over="ignore", invalid="ignore"):
-        luminance = np.require(luminance, np.float32, ["C", "W"])
-        total = luminance.sum(dtype=np.float64)
-    if luminance.shape != frame.shape or not np.isfinite(total):
-        raise InputError(f"luminance is {luminance.shape}, expected {frame.shape}, finite numbers")
+        usable = given.dtype.kind in "fiu" and np.isfinite(given.sum(dtype=np.float32))
+    if not usable or given.shape != frame.shape:
+        expected = f"expected finite numbers, float32 {frame.shape}"
+        raise InputError(f"luminance is {given.dtype} {given.shape}, {expected}")
+    luminance = np.require(given, np.float32, ["C", "W"])
     frame, lines = replace(frame, luminance=luminance, others=others, kept=alone), frame.lines
     medians, pooling = settings.chromaticity, settings.pooling
     if medians.learned and serves(frame.pattern):
@@ -323,8 +325,9 @@ def run_row_stages(
     """The picture of what was measured, in bands, in scene units."""
     made, grey = list(stages(measured, settings)), _grey_bands(measured, progress)
     for stage in made:
-        halo = getattr(stage, "halo", None)
-        if not isinstance(halo, Halo) or halo.radius < 0 or halo.alignment < 1:
+        halo = getattr(stage, "halo", None) if callable(stage) else None
+        whole = isinstance(halo, Halo) and all(isinstance(number, int) for number in halo)
+        if isinstance(stage, type) or not whole or halo.radius < 0 or halo.alignment < 1:
             expected = "expected objects of classes derived from panchroma.offline.RowStage"
             radius = "whose halo is a Halo with a radius of 0 or more, an alignment of 1 or more"
             raise InputError(f"stages made a list with {stage!r}, {expected}, {radius}")
@@ -337,8 +340,7 @@ def _grey_bands(measured: Frame, progress: Progress) -> Iterator[Band]:
     progress.stage("colouring pixels", len(steps))
     for first, end in steps:
         luminance = measured.luminance[first:end]
-        chromaticity = np.full((*luminance.shape, len(measured.gamma)), grey)
-        yield Band(first, luminance, chromaticity)
+        yield Band(first, luminance, np.full((*luminance.shape, len(measured.gamma)), grey))
         progress.advance()
 
 

@@ -28,8 +28,7 @@ def check_frames(mosaics: Sequence[Mosaic], settings: RenderSettings) -> None:
     sample is half a code of its sensor, and a black one too.
     """
     if not isinstance(settings, RenderSettings):
-        expected = "expected RenderSettings, such as offline.PAPER"
-        raise InputError(f"settings is {shown(settings)}, {expected}")
+        raise InputError(f"settings is {shown(settings)}, expected RenderSettings, such as PAPER")
     for mosaic in mosaics:
         (height, width), period = mosaic.shape, mosaic.pattern.period
         if not mosaic.pattern.panchromatic_mask((min(height, period), min(width, period))).any():

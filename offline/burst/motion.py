@@ -63,8 +63,8 @@ class Motion:
         is_grid = local.ndim == 3 and min(local.shape[:2]) >= 2 and local.shape[2] == 2
         if not is_grid or not np.isfinite([*self.shift, self.angle, *local.flat]).all():
             found = f"a motion of {self.shift} pixels and {self.angle} radians"
-            expected = "expected finite numbers, and local shifts (2 or more, 2 or more, 2)"
-            raise InputError(f"{found}, with local shifts {local.shape}: {expected}")
+            expected = "expected finite numbers, local shifts of shape (2 or more, 2 or more, 2)"
+            raise InputError(f"{found}, local shifts of shape {np.shape(self.local)}: {expected}")
 
     def times(self, factor: float) -> "Motion":
         """Return the same motion for a frame with `factor` times as many pixels a side."""

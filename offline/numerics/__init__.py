@@ -14,11 +14,12 @@ except PermissionError as error:  # it tries whether machine code may be made
     remedy = "MemoryDenyWriteExecute=no in systemd, execmem in SELinux"
     raise InputError(f"{fault}; allow it: {remedy}") from error
 except ValueError as error:
-    raise InputError(f"NUMBA_NUM_THREADS: {error} Set it to 1 or more, or unset it") from error
+    if "threads" not in str(error):
+        raise
+    raise InputError("NUMBA_NUM_THREADS is less than 1; set it to 1 or more, or unset it") from None
 if not all(name.startswith(("+", "-")) for name in (numba.config.CPU_FEATURES or "+").split(",")):
     expected = "expected names with + or - such as +avx2,-fma; set it right, or unset it"
     # LLVM would end the process
     raise InputError(f"NUMBA_CPU_FEATURES is {numba.config.CPU_FEATURES}, {expected}")
 if numba.config.DISABLE_JIT:
-    reason = "Numba is told to make none; unset NUMBA_DISABLE_JIT"
-    raise InputError(f"the render needs machine code, and {reason}")
+    raise InputError("the render needs machine code: unset NUMBA_DISABLE_JIT, which forbids it")

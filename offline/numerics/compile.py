@@ -275,8 +275,9 @@ def kernel_cache() -> Path:
     True
     """
     for folder in _folders(len(kernels)):
-        if any(os.access(path, os.R_OK) for path in folder.glob("*.zip")):
-            return folder
+        with suppress(OSError):  # one that nobody may look into
+            if any(os.access(path, os.R_OK) for path in folder.glob("*.zip")):
+                return folder
     return writable_cache()
 
 

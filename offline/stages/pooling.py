@@ -136,8 +136,7 @@ def pool_blocks(
         What `estimate_chromaticities` returns; the first pass compares these.
     """
     error = settings.curvature_error * len(frame.gamma) ** 2
-    passes = pooled_in_passes(blocks, frame, settings, error, progress)
-    return frame.sites.grid.extend(passes[-1])
+    return frame.sites.grid.extend(pooled_in_passes(blocks, frame, settings, error, progress)[-1])
 
 
 def pooled_in_passes(

@@ -428,8 +428,9 @@ def kept(run: Run, work: Writing, job: Job, listener: StageProgress) -> Outcome:
             return _up_to_date(job.output, "current")
         # files that an earlier run made with these: they may be taken for those of this one
         entries = run.journal.made_with(map(run.name, job.outputs))
-        made = [run.folder / entry.output for entry in entries]
-        left_over = [path for path in made if path not in run.outputs]
+        made = {run.folder / entry.output: entry for entry in entries if entry.digest}
+        outdated = {path for path, entry in made.items() if entry.key != run.key(path, source)}
+        left_over = outdated - run.outputs
 
         def keep(output: Path) -> dict[str, Any]:
             if found[output].changed:
@@ -440,7 +441,7 @@ def kept(run: Run, work: Writing, job: Job, listener: StageProgress) -> Outcome:
             return {"overwrite": replaced, "on_complete": lambda whole: partial(note, whole)}
 
         outcome = work(job, listener, keep)
-        for path in filter(os.path.lexists, left_over):
+        for path in sorted(filter(os.path.lexists, left_over)):
             what = "was made with what is replaced, and does not belong to what is there now"
             listener.note(f"{path}: {what}: remove it")
         return outcome

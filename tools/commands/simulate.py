@@ -172,9 +172,11 @@ def _write_truth(exposed: Exposed, paths: Sequence[Path], keep: Keep) -> tuple[s
         try:
             kind.kept_as.check(development)
         except InputError:
-            noted = keep(path)["on_complete"](path)
-            path.unlink(missing_ok=True)  # the picture of an earlier scene
-            noted()  # as a result without a file: `--resume` need not look for it
+            kept = keep(path)
+            if kept["overwrite"]:
+                path.unlink(missing_ok=True)  # the picture of an earlier scene
+            if not path.exists():
+                kept["on_complete"](path)()  # `--resume` need not look for it
             colours = f"the colours of the channels {mosaic.pattern.channels}"
             return (f"no {TRUTH_PICTURE}: {colours} are unknown, or those of no light",)
         write_picture(path, [exposed.truth], development, **keep(path))

@@ -198,8 +198,9 @@ def test_a_folder_that_can_be_read_alone_serves_its_kernels(
     monkeypatch.setenv("NUMBA_CACHE_LOCATOR_CLASSES", "")
     assert run_as_user(tmp_path) == COMPILED  # and kept beside the sources
     assert run_as_user(tmp_path) == KEPT
-    path.parent.chmod(0)
-    assert str(tmp_path / "panchroma") in run_as_user(tmp_path, where)
+    for closed in (path.parent, shared):  # it cannot be listed, then not even looked up
+        closed.chmod(0)
+        assert str(tmp_path / "panchroma") in run_as_user(tmp_path, where)
     for folder in [shared, *shared.rglob("*/"), path.parent]:
         folder.chmod(0o755)
 
