@@ -328,9 +328,8 @@ def run_row_stages(
         halo = getattr(stage, "halo", None) if callable(stage) else None
         whole = isinstance(halo, Halo) and all(isinstance(number, int) for number in halo)
         if isinstance(stage, type) or not whole or halo.radius < 0 or halo.alignment < 1:
-            expected = "expected objects of classes derived from panchroma.offline.RowStage"
-            radius = "whose halo is a Halo with a radius of 0 or more, an alignment of 1 or more"
-            raise InputError(f"stages made a list with {stage!r}, {expected}, {radius}")
+            kind = "offline.RowStage objects whose Halo has a radius from 0, an alignment from 1 on"
+            raise InputError(f"stages made a list with {stage!r}, expected {kind}")
     return iter(run_stages(grey, made, measured.shape[0], progress))
 
 
