@@ -8,6 +8,7 @@ do not use them.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -325,7 +326,7 @@ def run_row_stages(
     """The picture of what was measured, in bands, in scene units."""
     made, grey = list(stages(measured, settings)), _grey_bands(measured, progress)
     for stage in made:
-        halo = getattr(stage, "halo", None) if callable(stage) else None
+        halo: Any = getattr(stage, "halo", None) if callable(stage) else None
         whole = isinstance(halo, Halo) and all(isinstance(number, int) for number in halo)
         if isinstance(stage, type) or not whole or halo.radius < 0 or halo.alignment < 1:
             kind = "offline.RowStage objects whose Halo has a radius from 0, an alignment from 1 on"

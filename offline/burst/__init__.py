@@ -122,8 +122,7 @@ def merge_burst(
     if not frames or (motions is not None and len(motions) != len(frames)):
         expected = "expected one motion for each frame"
         raise InputError(f"{len(frames)} frames and {len(motions or ())} motions, {expected}")
-    is_named = reference is not None or motions is not None
-    if is_named and reference not in range(len(frames)):
+    if (reference is not None or motions is not None) and reference not in range(len(frames)):
         expected = f"expected the index of a frame, 0 to {len(frames) - 1}"
         raise InputError(f"reference is {reference}, {expected}")
     copied = copies(frames, reference)

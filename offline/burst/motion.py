@@ -62,9 +62,9 @@ class Motion:
         local = np.zeros((2, 2, 2)) if self.local is None else self.local
         is_grid = local.ndim == 3 and min(local.shape[:2]) >= 2 and local.shape[2] == 2
         if not is_grid or not np.isfinite([*self.shift, self.angle, *local.flat]).all():
-            found = f"a motion of {self.shift} pixels and {self.angle} radians"
-            expected = "expected finite numbers, local shifts of shape (2 or more, 2 or more, 2)"
-            raise InputError(f"{found}, local shifts of shape {np.shape(self.local)}: {expected}")
+            shape = None if self.local is None else local.shape
+            found = f"a motion of {self.shift} pixels, {self.angle} radians, local shifts {shape}"
+            raise InputError(f"{found}: expected finite numbers, shifts (2 or more, 2 or more, 2)")
 
     def times(self, factor: float) -> "Motion":
         """Return the same motion for a frame with `factor` times as many pixels a side."""
