@@ -22,4 +22,4 @@ if not all(name.startswith(("+", "-")) for name in (numba.config.CPU_FEATURES or
     # LLVM would end the process
     raise InputError(f"NUMBA_CPU_FEATURES is {numba.config.CPU_FEATURES}, {expected}")
 if numba.config.DISABLE_JIT:
-    raise InputError("the render needs machine code: unset NUMBA_DISABLE_JIT, which forbids it")
+    raise InputError("the render needs machine code, but may not make it; unset NUMBA_DISABLE_JIT")

@@ -20,7 +20,7 @@ from .scenes import SHAPE, picture, scene, taken
 
 SHIFTS = [(0.0, 0.0), (1.3, -2.2), (-2.6, 0.4), (0.7, 2.9), (2.4, 1.6), (-1.1, -1.7)]
 # root mean square; the latter of the networks for colour, with their 8 bits
-ROUNDING, ROUNDING_IN_STEPS = 1e-5, 3e-3
+ROUNDING, ROUNDING_IN_STEPS = 1e-5, 5e-3
 MOTIONS = [Motion(shift) for shift in SHIFTS]
 BAYER = CfaPattern.bayer(6)
 STEPS = [Motion((2.0 * down, 2.0 * across)) for down in range(3) for across in range(3)]

@@ -89,4 +89,4 @@ def test_noise_makes_no_colour() -> None:
     shots = shot([np.repeat(rgb.mean(axis=2, keepdims=True), 3, axis=2) for rgb in SCENES])
     pictures = picture(merge_burst(shots, reference=0)), render(shots[0]).rgb
     merged, alone = (error(rgb, rgb.mean(axis=2, keepdims=True)) for rgb in pictures)
-    assert merged < alone + 0.5
+    assert merged < min(alone + 2, -57)
