@@ -219,6 +219,7 @@ def _machine() -> Iterator[Finding]:
     yield Finding("processes", state, found, remedy if alone else "")
     free = available_memory()
     scarce = free < _LEAST_MEMORY
-    remedy = "close other programs, or give job or container more: 12 megapixels need 0.6 GB"
+    need = "a render of 12 megapixels needs about 0.6 GB"
+    remedy = f"close other programs, or let the job or the container have more: {need}"
     found = f"{free / 2**30:.1f} GB free"
     yield Finding("memory", BAD if scarce else GOOD, found, remedy if scarce else "")

@@ -245,7 +245,8 @@ def reach(motion: CameraMotion, shape: tuple[int, ...]) -> int:
         return 0
     half = np.array(shape[:2]) / 2
     sine, less = abs(math.sin(motion.angle)), 1 - math.cos(motion.angle)
-    return math.ceil((half * less + half[::-1] * sine + np.abs(motion.shift)).max() + RADIUS)
+    moved = half * less + half[::-1] * sine + np.abs(motion.shift)
+    return math.ceil(moved.max() + RADIUS)
 
 
 def motion_text(frames: Mapping[str, SimulatedFrame], shape: tuple[int, int]) -> str:

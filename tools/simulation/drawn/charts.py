@@ -133,7 +133,8 @@ def ink(x: DoubleArray, y: DoubleArray, height: float) -> BoolArray:
     columns, rows = x[0], y[:, 0]
     letters = int((_LINE * _BOX / height + _ADVANCE - 4) / _ADVANCE)
     for place in range(letters // len(_WORD) * len(_WORD) or min(letters, len(_WORD) - 1)):
-        for path in _PEN_PATHS.get(_WORD[place % len(_WORD)], ()):
+        letter = _WORD[place % len(_WORD)]
+        for path in _PEN_PATHS.get(letter, ()):
             points = [(across + place * _ADVANCE, down) for across, down in path]
             for (x0, y0), (x1, y1) in pairwise(points):
                 left, right = np.searchsorted(columns, (min(x0, x1) - _PEN, max(x0, x1) + _PEN))
