@@ -467,8 +467,8 @@ def _wrong_lights(charts: dict[str, list[ChartColours]]) -> str:
 
 
 def conclude_black_level(measured: Measurements) -> Finding:
-    """Return the black level of each plane, and a warning of codes that are too coarse for the read
-    noise.
+    """Return the black level of each plane, and warnings of codes that are too coarse for the read
+    noise, and of sites that differ.
     """
     if (dark := measured.dark) is None:
         return Finding()
@@ -476,7 +476,12 @@ def conclude_black_level(measured: Measurements) -> Finding:
     coarse = f"{why}, so the dark frames do not tell it; use more gain or more bits"
     facts = {"frames": dark.frames, "standard_error": rounded(dark.black_error)}
     changes = {"black_level": measured.calibration.black_level}
-    return Finding(facts, changes, () if dark.shows_read else (coarse,))
+    warnings = [] if dark.shows_read else [coarse]
+    if dark.sites:
+        differ = f"pixels of one colour differ in black level, by up to {dark.sites:.2g} codes"
+        remedy = "let the camera correct the black level of each readout channel, if it can"
+        warnings.append(f"{differ}, and shadows will show a pattern; {remedy}")
+    return Finding(facts, changes, warnings)
 
 
 def conclude_defects(measured: Measurements) -> Finding:

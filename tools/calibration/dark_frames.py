@@ -4,6 +4,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -29,6 +30,9 @@ _USUAL_DRIFT, _USUAL_DRIFT_FRAMES = 0.02, 2
 # electronics.
 _LEAK, _LEAST_LEAK = 1 / 2048, 1.5
 _CUT = 1e-3  # of the samples: so many that read 0 were cut off there
+# Of the read noise, and standard errors: black levels of the sites of one plane that differ by more
+# show as a pattern in shadows.
+_SITES, _SURE_SITES = 0.5, 5.0
 # Correlation of levels and variances of the planes, from which on both rise together.
 _IN_LINE = 0.9
 
@@ -56,6 +60,9 @@ class DarkResult:
         its fixed pattern.
     step : int
         Between codes.
+    sites : float
+        How far the black level of one site of the tile is from that of its plane, at most, codes;
+        0 = by no more than noise hides.
     """
 
     frames: int
@@ -66,6 +73,7 @@ class DarkResult:
     defects: tuple[tuple[int, int], ...]
     rows: float = 0.0
     step: int = 1
+    sites: float = 0.0
 
     @property
     def shows_read(self) -> bool:
@@ -141,10 +149,28 @@ def measure_dark(frames: Sequence[Mosaic], names: Sequence[str] = ()) -> DarkRes
         independent = good.sum() * max(len(frames) - 1, 1) / alike
         read_error[plane] = variance / (max(read[plane], hidden) * np.sqrt(2 * max(independent, 1)))
     defects = tuple((row, column) for row, column in np.argwhere(defect).tolist())
-    measured = black, error, read, read_error, defects, common * variance, step
+    offsets = np.where(defect, 0.0, mean - black[planes])
+    least = _SITES * max(float(read.max()), hidden)
+    sites = _site_offset(offsets, first.pattern.period, least)
+    measured = black, error, read, read_error, defects, common * variance, step, sites
     result = DarkResult(len(frames), *measured)
     _check_light(first, mean, result)
     return result
+
+
+def _site_offset(offsets: DoubleArray, period: int, least: float) -> float:
+    """Return the largest mean of a site of the tile, codes; 0 if it is below `least`, or chance.
+
+    offsets: (H, W), of averaged dark frames from the black levels of their planes.
+    """
+    largest = 0.0
+    for row, column in product(range(period), repeat=2):
+        site = offsets[row::period, column::period]
+        # Rows and columns have noise in common.
+        chances = (site.mean(axis=1 - axis).std() / site.shape[axis] ** 0.5 for axis in (0, 1))
+        if abs(site.mean()) > max(least, _SURE_SITES * max(chances)):
+            largest = max(largest, abs(float(site.mean())))
+    return largest
 
 
 def _in_common(samples: DoubleArray, rows: IndexArray) -> float:

@@ -141,6 +141,15 @@ def test_codes_too_coarse_for_the_read_noise_leave_it_unknown() -> None:
     assert "use more gain or more bits" in " ".join(concluded(frames[0], dark).warnings)
 
 
+def test_a_readout_channel_with_another_black_level_is_told() -> None:
+    """One in four pixels, of green and panchromatic ones, is brighter by the read noise."""
+    assert measure_dark(with_row_noise(darks(2))).sites == 0
+    channel = np.tile([[0, 3], [0, 0]], (SHAPE[0] // 2, SHAPE[1] // 2))
+    dark = measure_dark([edited(each, lambda codes: codes + channel) for each in darks(2)])
+    assert dark.sites == pytest.approx(3 - 3 * 8 / 32, abs=0.1)
+    assert "shadows will show a pattern" in " ".join(concluded(darks(1)[0], dark).warnings)
+
+
 def test_a_hot_pixel_in_frames_without_noise_is_found() -> None:
     codes = np.full((60, 60), 64, np.uint16)
     codes[3, 4], codes[7, 8] = 1023, 164
