@@ -119,12 +119,12 @@ def verify_dng(path: File, *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
 
 
 def read_preview(path: File) -> bytes:
-    """The JPEG preview of a DNG, unchanged.
+    """The JPEG preview of a DNG, unchanged; b"" if an editor such as exiftool has removed it.
 
     Raises
     ------
     InputError
-        When there is none.
+        When there has never been one.
     """
     with opened(path) as dng:
         return dng.preview()

@@ -86,11 +86,11 @@ class DngReader:
         return b"" if field is None else self._bytes(field.valueoffset, field.valuebytecount)
 
     def preview(self) -> bytes:
-        """The JPEG of the first directory, unchanged."""
+        """The JPEG of the first directory, unchanged; b"" if an editor has removed it."""
         page = self._main
         if self._check_segments(page) <= _LARGEST_PREVIEW and page.compression == Compression.JPEG:
             jpegs = list(self._segments(page))
-            if len(jpegs) == 1 and jpegs[0].startswith(_JPEG_START):
+            if jpegs == [b""] or (len(jpegs) == 1 and jpegs[0].startswith(_JPEG_START)):
                 return jpegs[0]
         raise InputError("the file has no JPEG preview")
 

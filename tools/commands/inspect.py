@@ -134,7 +134,7 @@ def _shot(source: str, max_pixels: int) -> Contents:
         **_calibration(calibration),
         "sensor": f"{calibration.sensor or 'unnamed'}, calibration {calibration.id}",
         "camera file": camera,
-        "preview": f"JPEG, {preview_bytes / 1000:.0f} kB",
+        "preview": f"JPEG, {preview_bytes / 1000:.0f} kB" if preview_bytes else "removed",
         **_capture(metadata),
     }
     return facts, rows
