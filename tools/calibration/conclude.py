@@ -521,7 +521,8 @@ def conclude_noise(measured: Measurements) -> Finding:
     charts = [shot.places for shot in measured.shots]
     if fault := contradiction(noise.lines, calibration, dark, charts, noise.points):
         line = f"noise was left out: flat frames {', '.join(flats.names)}: {fault}"
-        remedy = "take all frames with one gain, and flat frames in steady light"
+        steady = "flat frames in steady light, no brighter than the sensor is linear"
+        remedy = f"take all frames with one gain, and {steady}"
         return Finding(warnings=[f"{line}; {remedy}"])
     # In scene units noise is as uncertain as their size, which is that of gamma.
     full_scale, error, gamma = calibration.full_scale, 0.0, measured.gamma

@@ -117,7 +117,7 @@ def measure_shading(frames: Sequence[Named]) -> ShadingResult:
             most = "most of their windows are without samples of each filter"
             raise InputError(f"flat frames: {most}; fewer defects can be listed")
         if windows.light.min() <= 0:
-            remedy = "expose more, up to three quarters of full scale"
+            remedy = "expose more, up to three quarters of full scale, and cut masked borders off"
             raise InputError(f"flat frames: they are dark, at least in places; {remedy}")
         shading, error = _refined(shading, windows)
     _check_alike(falloffs)

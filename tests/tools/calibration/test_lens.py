@@ -138,6 +138,7 @@ def waves(down: DoubleArray, right: DoubleArray) -> DoubleArray:
         ({"saturated": 0.1}, "all are clipped; flat[01].dng is least so, in .* samples of R"),
         ({"light": 0.02}, "too dark, and tell the shading only to"),
         ({"light": 0.0003}, "dark"),
+        ({"surface": lambda down, right: (right > -0.75) + 0 * down}, "cut masked borders off"),
         ({"surface": to_the_right}, r"the light is tilted: 1[3-7]\.. % brighter at the right"),
         ({"surface": coloured}, "the light is tilted in [RG], compared with W: [78].. % brighter"),
         ({"surface": falls_off(0.1, 0.28), "lens": (0, 0.1)}, "around a place that is 1[4-6] % of"),

@@ -176,6 +176,17 @@ def test_codes_that_were_shifted_to_more_bits_show_the_same_noise() -> None:
     assert wider.defects == dark.defects
 
 
+def test_a_sensor_that_bends_below_its_white_level_is_told() -> None:
+    """Light of 0.3 is half of full scale."""
+    bent = [
+        edited(each, lambda codes: codes - 0.4 * (codes - 2000).clip(0))
+        for each in flats(0.05, 0.3, 0.8)
+    ]
+    dark = measure_dark(darks(4))
+    warnings = " ".join(concluded(bent[0], dark, of_flats(bent, dark)).warnings)
+    assert re.search("their read noise is .*no brighter than the sensor is linear", warnings)
+
+
 def test_texture_does_not_pass_for_noise() -> None:
     mean, count = np.linspace(0.01, 0.9, 40), np.full(40, 400.0)
     variance = 1e-4 * mean + 1e-6
