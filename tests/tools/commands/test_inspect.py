@@ -170,7 +170,7 @@ def test_a_damaged_preview_is_told(tmp_path: Path) -> None:
 def test_a_shot_without_its_preview_is_shown(tmp_path: Path) -> None:
     """As exiftool -PreviewImage= leaves it: a strip of no bytes."""
     path = save_mosaic(tmp_path / "shot.dng", mosaic())
-    with tifffile.TiffFile(path, mode="r+b") as file:
+    with tifffile.TiffFile(path, mode="r+") as file:
         file.pages.first.tags["StripByteCounts"].overwrite(0)
     assert rows(run("inspect", path, code=0).out)["preview"] == "removed"
     assert "damaged: the preview" in run("inspect", "--verify", path, code=1).err
