@@ -470,10 +470,10 @@ class Frame:
     def limits(self, rows: slice) -> NDArray[Any]:
         """Levels from which on the samples at the sites of these rows of whole blocks were
         saturated, (rows, columns, S): `clipping`, scaled with them when their shading was made
-        even; (1,) where there is no shading.
+        even; (S,) where there is no shading.
         """
         if self.shading is None:
-            return np.full(1, self.clipping)
+            return np.full(len(self.sites.channels), self.clipping)
         gain, shape = self.shading.of_plane, self.mosaic.shape
         sites = zip(self.sites.channels, self.sites.at(rows), strict=True)
         ratios = [gain(shape, channel, *at) / gain(shape, -1, *at) for channel, at in sites]

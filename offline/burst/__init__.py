@@ -211,13 +211,14 @@ def _merged(
     plain = np.ascontiguousarray(fine[::2, ::2])
     luminance = denoised(plain, noise_ratio, cleaned.mosaic, settings)
     samples = ColourSamples.of(kept, fine, sites).relit(luminance - plain)
-    samples = samples.where_others(luminance, noise_ratio)
+    gaps = uncovered(kept, sites)
+    samples = samples.where_others(luminance, noise_ratio, gaps)
     sums = samples.block_sums(sites) if len(kept) > 1 else None
     if sums is not None:
         cleaned = relit_sites(cleaned, luminance, sums)
-    # Where the reference is not alone, others measure luminance under its sites.
+    # Where the reference is not alone, others measure luminance under its sites, unless their own
+    # sites lie there too: all frames of a tripod share one gap.
     single_frame = single_frame_weight(sites.of(noise_ratio).min(axis=2))
-    if sites.pattern.is_scattered:
-        single_frame = np.maximum(single_frame, sites.of(uncovered(kept, sites)).mean(axis=2))
+    single_frame = np.maximum(single_frame, sites.of(gaps).mean(axis=2))
     measured = estimate_colour(cleaned, luminance, settings, SILENT, sums, single_frame)
     return noise_ratio, measured, samples.relit(measured.luminance - luminance)

@@ -130,12 +130,14 @@ class ColourSamples:
         """
         return replace(self, filled=self.filled + self._there(change))
 
-    def where_others(self, luminance: FloatArray, noise_ratio: FloatArray) -> "ColourSamples":
+    def where_others(
+        self, luminance: FloatArray, noise_ratio: FloatArray, gaps: FloatArray
+    ) -> "ColourSamples":
         """The samples where the reference is not alone. Where it is, the picture stays that of one
         frame.
 
-        Where few frames overlap, luminance between the reference's pixels is uncertain: beside
-        edges a sample counts less there.
+        Where few frames overlap, or none measures luminance, it is uncertain: beside edges a sample
+        counts less there.
 
         Parameters
         ----------
@@ -143,15 +145,17 @@ class ColourSamples:
             (H, W).
         noise_ratio : FloatArray
             (H, W), variance of merged luminance relative to the reference's.
+        gaps : FloatArray
+            See `merge.uncovered`.
         """
         mean = smoothed(luminance, NEIGHBOURHOOD)
         power = smoothed(np.square(luminance), NEIGHBOURHOOD)
         contrast = np.sqrt(np.maximum(power - np.square(mean), 0))
-        deviation = FILL_ERROR * single_frame_weight(noise_ratio) * contrast
-        there, alone = self._there(deviation), self._there(noise_ratio)
+        # chosen: colour tells half of the luminance that no frame has measured
+        deviation = FILL_ERROR * np.maximum(single_frame_weight(noise_ratio), gaps / 2) * contrast
         error = self.error + self.variance
-        weight = self.weight * error / (error + np.square(there))
-        weight[: self.own] *= np.minimum(_ENOUGH * (1 - alone[: self.own]), 1)
+        weight = self.weight * error / (error + np.square(self._there(deviation)))
+        weight[: self.own] *= np.minimum(_ENOUGH * (1 - self._there(noise_ratio)[: self.own]), 1)
         return replace(self, weight=weight.astype(np.float32))
 
     def _there(self, plane: FloatArray) -> FloatArray:
@@ -203,7 +207,6 @@ def relit_sites(frame: Frame, luminance: FloatArray, sums: BlockSums) -> Frame:
     """
     sites = frame.sites
     limits, signal = frame.limits(slice(0, sites.shape[0])), frame.signal.copy()
-    limits = np.broadcast_to(limits, (*sites.shape, len(sites.channels)))
     for site, (channel, place) in enumerate(zip(sites.channels, sites.places, strict=True)):
         power, product = sums.weight[..., channel], sums.product[..., channel]
         known = (power > TINY) & (signal[place] >= limits[..., site])

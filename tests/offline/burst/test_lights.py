@@ -11,9 +11,10 @@ from scipy.ndimage import gaussian_filter
 from panchroma.offline import render
 from panchroma.offline.burst import Motion, merge_burst
 from panchroma.shared import CfaPattern, FloatArray, Mosaic, SensorCalibration
+from panchroma.tools.simulation.pattern_text import read_pattern
 from panchroma.tools.simulation.sensor import simulate_sensor, typical_noise
 
-from .scenes import picture, scene
+from .scenes import picture, scene, taken
 
 SHAPE, SHIFTS = (132, 150), ((0.0, 0.0), (1.3, -0.7), (-2.2, 1.6), (0.6, 2.4))
 SCENES = [scene(Motion(shift), shape=SHAPE, strength=0) for shift in SHIFTS]
@@ -90,3 +91,14 @@ def test_noise_makes_no_colour() -> None:
     pictures = picture(merge_burst(shots, reference=0)), render(shots[0]).rgb
     merged, alone = (error(rgb, rgb.mean(axis=2, keepdims=True)) for rgb in pictures)
     assert merged < min(alone + 2, -57)
+
+
+@pytest.mark.parametrize("pattern", [CfaPattern.bayer(6), read_pattern("rccb")])
+def test_a_tripod_leaves_no_more_tint_in_strokes_than_one_frame(pattern: CfaPattern) -> None:
+    """All frames have the same gaps in luminance under their sites."""
+    y, x = np.indices(SHAPE)
+    rings = np.exp(-np.square(np.hypot(y - 66, x - 75) % 9 - 4))[..., None]
+    still = ((0.6, 0.5, 0.15) * (1 - 0.7 * rings)).astype(np.float32)
+    shots = taken([still] * 4, 0.01, pattern)
+    merged, alone = picture(merge_burst(shots, reference=0)), render(shots[0]).rgb
+    assert error(merged, still) < error(alone, still) - 1
