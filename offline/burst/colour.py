@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 
-from ...shared.arrays import ByteArray, FloatArray, IndexArray
+from ...shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray
 from ..bands import DARK, Band, Halo, RowStage
 from ..frame import BlockSums, Frame, Sites
 from ..numerics.gaussian import filtered, gaussian, smoothed
@@ -158,7 +158,7 @@ class ColourSamples:
         weight[: self.own] *= np.minimum(_ENOUGH * (1 - self._there(noise_ratio)[: self.own]), 1)
         return replace(self, weight=weight.astype(np.float32))
 
-    def _there(self, plane: FloatArray) -> FloatArray:
+    def _there(self, plane: FloatArray | DoubleArray) -> FloatArray:
         """The values of a plane of the reference, (H, W), at the places of the samples."""
         return map_coordinates(plane, self.places.T, order=1, mode="nearest")
 

@@ -11,7 +11,6 @@ from scipy.ndimage import gaussian_filter
 from panchroma.offline import render
 from panchroma.offline.burst import Motion, merge_burst
 from panchroma.shared import CfaPattern, FloatArray, Mosaic, SensorCalibration
-from panchroma.tools.simulation.pattern_text import read_pattern
 from panchroma.tools.simulation.sensor import simulate_sensor, typical_noise
 
 from .scenes import picture, scene, taken
@@ -93,7 +92,7 @@ def test_noise_makes_no_colour() -> None:
     assert merged < min(alone + 2, -57)
 
 
-@pytest.mark.parametrize("pattern", [CfaPattern.bayer(6), read_pattern("rccb")])
+@pytest.mark.parametrize("pattern", [CfaPattern.bayer(6), CfaPattern.of_letters("RW/WB")])
 def test_a_tripod_leaves_no_more_tint_in_strokes_than_one_frame(pattern: CfaPattern) -> None:
     """All frames have the same gaps in luminance under their sites."""
     y, x = np.indices(SHAPE)
