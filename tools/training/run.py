@@ -50,7 +50,7 @@ class Plan:
     batch : int
         Examples in each.
     variants : int
-        Examples made of each source; a page of print is added for every three photographs, and a
+        Examples made of each source; a page of print is added for every two photographs, and a
         drawing for every four.
     patch : int
         Superpixels per side of what is learned from at a time, without surroundings.
@@ -116,7 +116,7 @@ def train(plan: Plan, folder: Path, jobs: int, progress: StageProgress) -> Path:
     claim(work, asdict(plan) | {"sources": names}, "settings")
     make, period = partial(make_example, pattern=plan.pattern), plan.pattern.period
     seeds = [(plan.seed, period, variant) for variant in range(plan.variants)]
-    sources = [*plan.sources, *[PAGE] * -(-count // 3), *[DRAWN] * -(-count // 4)]
+    sources = [*plan.sources, *[PAGE] * -(-count // 2), *[DRAWN] * -(-count // 4)]
     examples = make_examples(make, sources, seeds, work, jobs, progress)
     network, learned = _learn(plan, work, examples, jobs, progress), examples[0]
     chosen = learned[:: -(-len(learned) // _MEASURED)]
