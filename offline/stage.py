@@ -58,8 +58,7 @@ def _is_a(value: Any, kind: Any) -> bool:
         known = isinstance(value, _NUMBERS[kind][0]) and isinstance(value, bool) is (kind is bool)
         return known and abs(value) <= float_info.max
     if get_origin(kind) is tuple:
-        item = get_args(kind)[0]
-        return isinstance(value, tuple) and all(_is_a(each, item) for each in value)
+        return isinstance(value, tuple) and all(_is_a(item, get_args(kind)[0]) for item in value)
     if not issubclass(kind, tuple):
         return isinstance(value, kind)
     kinds = kind.__annotations__.values()

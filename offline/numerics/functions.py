@@ -111,7 +111,5 @@ def unset(*shape: int) -> FloatArray:
 def zeros(*shape: int) -> FloatArray:
     """An array of zeros, otherwise like `unset`."""
     result = unset(*shape)
-    line = result.reshape(-1)
-    for index in range(len(line)):
-        line[index] = np.float32(0)
+    result[:] = np.float32(0)
     return result

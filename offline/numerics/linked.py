@@ -95,11 +95,9 @@ def solve_linked(
         columns = slice(max(left - halo, 0), min(end + halo, width))
         given = luminance[rows, columns], weights[:, rows, columns], products[:, rows, columns]
         solution, residuals[chunk], used[chunk] = _solved(*given, fit)
-        for field in range(len(fields)):
-            for row in range(top, bottom):
-                line = solution[field, solver.BORDER + span[0] + row - rows.start]
-                for column in range(left, end):
-                    fields[field, row, column] = line[column - columns.start]
+        for row in range(top, bottom):
+            lines = solution[: len(fields), solver.BORDER + span[0] + row - rows.start]
+            fields[:, row, left:end] = lines[:, left - columns.start : end - columns.start]
 
 
 @kernel

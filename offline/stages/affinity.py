@@ -211,10 +211,7 @@ def _given(pins: Floats3, place: Pair, size: Pair) -> FloatArray:
     given = solver.planes(CLASSES, size)
     for row in range(size[0]):
         source = (place[0] + row) % pins.shape[1]
-        for field in range(CLASSES):
-            line, values = given[field, solver.BORDER + row], pins[field, source, place[1] :]
-            for column in range(size[1]):
-                line[column] = values[column]
+        given[:, solver.BORDER + row, : size[1]] = pins[:, source, place[1] :][:, : size[1]]
     return given
 
 
@@ -304,9 +301,7 @@ def _over_mean(energy: Floats2, columns: int) -> FloatArray:
     """
     period, sums = len(energy), zeros(columns)
     for row in range(period):
-        source = energy[row]
-        for column in range(columns):
-            sums[column] += source[column]
+        sums += energy[row, :columns]
     for left in range(0, columns, period):
         patch = sums[left : left + period]
         total = patch.sum()
@@ -348,9 +343,7 @@ def _start(links: Floats3, given: Floats3, width: int, scale: Floats2, residual:
 def _right_side(links: Floats3, values: Floats2, scale: Floats2, out: Floats2) -> None:
     """Write the scaled sum of the links to blocks."""
     solver.linked_sum(links, values, out)
-    sums, roots = out.reshape(-1), scale.reshape(-1)
-    for index in range(len(sums)):
-        sums[index] *= roots[index]
+    out *= scale
 
 
 @kernel
@@ -392,6 +385,4 @@ def _finish(
             last[column] = max(ONE - sums[column], ZERO)
             sums[column] = ONE / (sums[column] + last[column])
         for field in range(CLASSES):
-            out = fields[field, row][left:]
-            for column in range(len(sums)):
-                out[column] *= sums[column]
+            fields[field, row, left:right] *= sums

@@ -126,9 +126,8 @@ def oriented_medians(
     repetitions : int
         Largest number of repetitions.
     """
-    rows = len(chromaticity)
     wide = np.pad(chromaticity.transpose(2, 0, 1), ((0, 0), (0, 0), (2, 2)), mode=BORDER)
-    before, changed = np.ascontiguousarray(wide), np.ones(rows, np.bool_)
+    before, changed = np.ascontiguousarray(wide), np.ones(len(chromaticity), np.bool_)
     after = np.empty_like(before)
     for _ in range(repetitions):
         if not changed.any():

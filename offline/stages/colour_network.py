@@ -144,8 +144,7 @@ class ColourNetwork(RowStage):
             axes = zip(chunk, sides, strict=True)
             window = [(index * side - _HALO, (index + 1) * side + _HALO) for index, side in axes]
             error, variance, kept = residuals.of(*window)
-            pixels = grid.cut(band, gamma, window)
-            contrast = Contrast.of(pixels, error, variance)
+            contrast = Contrast.of(grid.cut(band, gamma, window), error, variance)
             worth = contrast.bound > np.maximum(_FAINT * contrast.own, np.sqrt(contrast.variance))
             inner = worth[REACH:-REACH, REACH:-REACH]
             box = [np.flatnonzero(inner.any(axis=axis)) for axis in (1, 0)]

@@ -138,8 +138,7 @@ def estimate_errors(
         beyond = own - (np.float32(_OWN_DEVIATIONS) + _OWN_FLAT * flat) * of_noise
         mean = np.maximum(np.minimum(around, beyond), 0)
     mean = mean.astype(np.float32, copy=False)
-    most = mean / np.maximum(share, _LEAST_SHARE)
-    of_filled = np.minimum(bent, most)
+    of_filled = np.minimum(bent, mean / np.maximum(share, _LEAST_SHARE))
     of_colour = np.maximum(mean - of_filled * share, np.float32(_TINT) * mean)
     of_colour /= np.float32(1 - 1 / count)
     noise = np.zeros_like(error) if variance is None else np.ascontiguousarray(variance, np.float32)

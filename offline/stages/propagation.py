@@ -97,8 +97,7 @@ class Propagation(RowStage):
         luminance = np.maximum(padded_rows(self.frame.luminance, grid, patches, 0), 0)
         corner = rows[0] + above - patches[0] * grid.period, left
         weighting = np.float32(settings.softness), np.float32(settings.likeness)
-        mixing = Mixing(luminance, grid.period, patches[0], *corner, *weighting)
-        mix(fields, spread, mixing, out)
+        mix(fields, spread, Mixing(luminance, grid.period, patches[0], *corner, *weighting), out)
         return out
 
 
@@ -192,9 +191,7 @@ def mix(chunks: Chunks, fields: Floats3, blocks: Floats3, mixing: Mixing, out: F
             for channel in range(channels):
                 _mix(kappa, colour[channel], mean[channel], total, mixed[channel])
             for channel in range(channels):
-                line = mixed[channel, mixing.column :]
-                for column in range(out.shape[1]):
-                    out[row, column, channel] = line[column]
+                out[row, :, channel] = mixed[channel, mixing.column :][: out.shape[1]]
 
 
 @kernel
@@ -231,18 +228,12 @@ def _weigh(
     row: of the fields.
     """
     softness, likeness, here = mixing.softness, mixing.likeness, mixing.luminance[row]
-    if likeness > ZERO:
-        for column in range(len(alpha)):
-            weight = softness + abs(alpha[column])
-            apart, both = here[column] - lit[column], here[column] + lit[column]
-            alike = both * both / (both * both + likeness * (apart * apart) + _SMALLEST_FLOAT)
-            kappa[column] = weight * weight * lit[column] * alike
-            total[column] += kappa[column]
-    else:
-        for column in range(len(alpha)):
-            weight = softness + abs(alpha[column])
-            kappa[column] = weight * weight * lit[column]
-            total[column] += kappa[column]
+    for column in range(len(alpha)):
+        weight = softness + abs(alpha[column])
+        apart, both = here[column] - lit[column], here[column] + lit[column]
+        alike = both * both / (both * both + likeness * (apart * apart) + _SMALLEST_FLOAT)
+        kappa[column] = weight * weight * lit[column] * alike
+        total[column] += kappa[column]
 
 
 @kernel

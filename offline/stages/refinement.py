@@ -90,8 +90,7 @@ class Refinement(RowStage):
         # Beyond the rows of the band, weights alone are needed.
         at = (down - band.first).clip(0, len(band.chromaticity) - 1)
         lit, start = luminance[np.ix_(down, across)], band.chromaticity[np.ix_(at, across)]
-        window = Window(radius, blur, -0.5 / width**2, settings.repetitions)
-        average(lit, start, window, result)
+        average(lit, start, Window(radius, blur, -0.5 / width**2, settings.repetitions), result)
         return Band(rows[0], band.rows(*rows).luminance, result)
 
 
