@@ -220,31 +220,62 @@ _RANGE = 1.5
 _SHARED = 0.15
 _ALL = 1 - 1e-6  # of four blocks, interpolated
 _AROUND = 5  # pixels: size of what luminance at a site is filled from
+# by which a gain of colour differs where only noise and things that move do; blocks that tell it;
+# its standard error, from the median deviation of blocks that share their noise with those nearby
+_CAST, _FEWEST, _ALIKE = 0.01, 100, 10.0
 _RIM = 3  # blocks: a deviation counts for its neighbours too, as the thing ends somewhere between
+
+
+def _there(mosaic: Mosaic, motion: Motion, planes: FloatArray | DoubleArray) -> DoubleArray:
+    """Planes of the whole blocks of the reference, as the blocks of the frame would see them."""
+    sites = Sites.in_frame(mosaic)
+    first, period = np.array(sites.middle)[:, None, None], sites.grid.period
+    rows, columns = first + period * np.indices(sites.shape)
+    at = (in_reference(motion, rows, columns, mosaic.shape) - first) / period
+    return np.stack([map_coordinates(plane, at, order=1, mode="nearest") for plane in planes])
+
+
+def relight(frame: View, reference: Reference, motion: Motion) -> View:
+    """Return a frame with its colour samples as in the light of the reference: lamps flicker, and
+    clouds pass.
+
+    Each channel has one gain, the median over the blocks: things that move hardly change it.
+    """
+    channels, luminance, *_, known = reference.colours
+    planes = np.stack([*channels, luminance, minimum_filter(known, 3)])
+    *own, near = _there(reference.shot, motion, planes)
+    channels, luminance, *_, known = block_colours(frame, reference.shot)
+    used = known & (near > _ALL)
+    both = smoothed(np.stack([own, [*channels, luminance]]) * used, _WIDTH)
+    used &= (both > TINY).all(axis=(0, 1))
+    if np.count_nonzero(used) < _FEWEST:
+        return frame
+    before, seen = both[..., used]
+    ratios = seen[:-1] / seen[-1] * before[-1] / before[:-1]
+    gains = np.median(ratios, axis=1, keepdims=True)
+    error = _ALIKE * np.median(np.abs(ratios - gains), axis=1) / ratios.shape[1] ** 0.5
+    if (np.abs(gains[:, 0] - 1) <= _CAST + DEVIATIONS * error).all():
+        return frame
+    of_sites = gains[Sites.in_frame(reference.shot).channels, 0]
+    colours, colour_gains = frame.colours / of_sites, frame.colour_gains / of_sites
+    return replace(frame, colours=colours, colour_gains=colour_gains)
 
 
 def colour_change(reference: Reference, frame: View, motion: Motion) -> FloatArray:
     """Squared deviation of each whole block of the frame, (block rows, block columns), in units of
     the tolerance.
     """
-    mosaic, sites = reference.shot, Sites.in_frame(reference.shot)
-    first, period = np.array(sites.middle)[:, None, None], sites.grid.period
-    rows, columns = first + period * np.indices(sites.shape)
-    at = (in_reference(motion, rows, columns, mosaic.shape) - first) / period
-
-    def there(planes: DoubleArray) -> DoubleArray:
-        return np.stack([map_coordinates(plane, at, order=1, mode="nearest") for plane in planes])
-
+    mosaic = reference.shot
     channels, luminance, rough, noise, own_known = reference.colours
     shares, deviations = channels / luminance, np.sqrt(noise) / luminance
     low, high = minimum_filter(shares, (1, 3, 3)), maximum_filter(shares, (1, 3, 3))
-    middle = there((low + high) / 2)
-    half = np.maximum(there((high - low) / 2 - _RANGE * deviations), 0)
-    noise, rough = there(noise), there(rough[None])
     near = minimum_filter(own_known, 3).astype(np.float64)
+    own = (low + high) / 2, (high - low) / 2 - _RANGE * deviations, noise, rough[None], near[None]
+    middle, half, noise, rough, near = (_there(mosaic, motion, planes) for planes in own)
+    half = np.maximum(half, 0)
     channels, luminance, contrast, own_noise, known = block_colours(frame, mosaic)
     beyond = channels - np.clip(channels, (middle - half) * luminance, (middle + half) * luminance)
-    beyond *= known & (there(near[None])[0] > _ALL)  # what is clipped or dark has no colour
+    beyond *= known & (near[0] > _ALL)  # what is clipped or dark has no colour
     filled = np.square(FILL_ERROR * middle) * (contrast + rough)
     spread = DEVIATIONS**2 * (own_noise + noise)
     alone = np.square(beyond) / (np.square(_BLOCK * luminance) + filled + spread + TINY)

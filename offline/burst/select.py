@@ -20,7 +20,7 @@ from ..settings import RenderSettings
 from ..stages.highlights import restore_highlights
 from ..stages.luminance import recover_luminance
 from ..stages.noise import noise_models
-from .agree import Reference, agreement, block_colours, lit_evenly, shaded_alike, unclipped
+from .agree import Reference, agreement, block_colours, lit_evenly, relight, shaded_alike, unclipped
 from .align import CLIPPED, TINY, View, align
 from .motion import Motion, displaced
 
@@ -230,6 +230,7 @@ def judge(
     if isinstance(aligned, str):
         return Judged(aligned), None
     frame = shaded_alike(frame.darker(aligned.gain), shot, reference.shot, aligned.motion)
+    frame = relight(frame, reference, aligned.motion)
     moved, own = displaced(frame.luminance, aligned.motion), reference.frame
     visible = np.isfinite(moved) & (moved < frame.limit) & (own.luminance < own.limit)
     visible = minimum_filter(visible, _MIXED)

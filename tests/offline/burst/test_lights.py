@@ -55,6 +55,13 @@ def test_a_darker_frame_takes_no_colour_away() -> None:
     assert error(merged, truth) < error(render(shots[0]).rgb, truth) + 0.2
 
 
+def test_light_of_changing_colour_leaves_a_burst_better_than_one_frame() -> None:
+    frames = [0.3 * rgb + 0.7 * rgb.mean(axis=2, keepdims=True) for rgb in SCENES]
+    shots = shot([frames[0], *(rgb * (0.9, 1, 1.15) for rgb in frames[1:])])
+    merged, alone = picture(merge_burst(shots, reference=0)), render(shots[0]).rgb
+    assert error(merged, frames[0]) < error(alone, frames[0]) - 1
+
+
 def test_a_clipped_lamp_that_moves_stays_whole() -> None:
     shots = shot(with_lamp(SCENES, 20))
     alone, merged = render(shots[0]).rgb, picture(merge_burst(shots, reference=0))
