@@ -360,7 +360,8 @@ def _make(order: Order, memory: int, workers: int, job: Job, listener: StageProg
         # the time, and a large one is digested meanwhile. The pool is this picture's own: one that
         # stays would wait for ever for a thread whose start is interrupted.
         with ThreadPoolExecutor(1) as pool:
-            made = order, job, output, source_digest
+            # without a damaged frame it is not up to date: it is made, and that named, again
+            made = order, job, output, "" if subject.errors else source_digest
             bands = _whitened(subject.bands(listener), subject.lost, development, listener)
             write_picture(
                 output,
@@ -370,7 +371,8 @@ def _make(order: Order, memory: int, workers: int, job: Job, listener: StageProg
                 on_complete=lambda partial: pool.submit(_note_in_journal, *made, partial).result,
                 threads=threads(),
             )
-        _note_stamp(order, output, f"{stamp} {_stamp([output])}")
+        if not subject.errors:
+            _note_stamp(order, output, f"{stamp} {_stamp([output])}")
     from ...offline import network_name
 
     seconds, calibration = time.monotonic() - start, development.calibration
