@@ -101,6 +101,19 @@ def series(sources: Sequence[Source]) -> list[str]:
     return names + [name for frames in bursts.values() for _, name in sorted(frames)]
 
 
+def pictures(paths: Sequence[str]) -> dict[str, str]:
+    """The files of a folder that have the names of pictures of its bursts, see `folders.SetAside`.
+
+    Examples
+    --------
+    >>> pictures(["shots/rose-1.dng", "shots/rose-2.dng", "shots/rose.dng"])
+    {'shots/rose.dng': 'named as the picture of a burst beside it'}
+    """
+    stems = {frame[0] for path in paths if (frame := frame_number(Path(path).stem))}
+    named = "named as the picture of a burst beside it"
+    return {path: named for path in paths if Path(path).stem in stems}
+
+
 def series_stem(names: Sequence[str]) -> str:
     """Name of the picture of a burst without suffix: the common part of its frames' names, or the
     first file's stem.

@@ -12,7 +12,7 @@ STEM-2.dng ..., otherwise as the first file.
 import argparse
 
 from ...shared import read_dng
-from ..batch.burst_files import BurstOrder, checked_reference, series, series_stem
+from ..batch.burst_files import BurstOrder, checked_reference, pictures, series, series_stem
 from ..batch.console import Console
 from ..batch.folders import DNGS, search
 from ..batch.jobs import FAILED, Job
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Make the picture; returns the exit code."""
     fields = order_fields(arguments)
-    files = search(arguments.shots, DNGS, output=fields["folder"])
+    files = search(arguments.shots, DNGS, output=fields["folder"], set_aside=pictures)
     if files.report(console):
         return FAILED
     names = series(files.sources)

@@ -170,9 +170,17 @@ def test_a_file_that_fails_costs_a_line_and_the_others_go_on(frames: Path, out: 
     assert_refused(outcome, name=str(cut))
     assert "2 of 3 frames" in outcome.out
     assert results(out) == {f"{STEM}.tif"}
-    assert_refused(merged(frames, out, "--dry-run --overwrite", code=1), name=str(cut))
+    for options in ("--dry-run --overwrite", "--resume", "--resume"):
+        assert_refused(merged(frames, out, options, code=1), name=str(cut))
     outcome = merged(frames, out, "--overwrite --reference", cut, code=1)
     assert_refused(outcome, "name another --reference", name=str(cut))
 
 
 # --- what is there already -----------------------------------------------------------------------
+
+
+def test_a_picture_beside_its_frames_is_none_of_them(frames: Path) -> None:
+    merged(frames, frames, "--format dng")
+    outcome = merged(frames, frames, "--format dng --resume")
+    assert f"left out {STEM}.dng named as the picture of a burst" in outcome.err
+    assert "is up to date" in outcome.out
