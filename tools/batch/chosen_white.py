@@ -53,7 +53,7 @@ class WhiteBalance:
         except (ValueError, TypeError):
             multipliers = ()
         is_place = len(multipliers) == 2 and all(at >= 0 and at % 1 == 0 for at in multipliers)
-        if is_place and max(multipliers) >= GREY_BOX // 2:
+        if is_place:
             return cls("", multipliers, (int(multipliers[0]), int(multipliers[1])))
         if len(multipliers) < 2 or not _are_multipliers(multipliers):
             limits = f"between {1 / _MOST_WB:g} and {_MOST_WB:g}"

@@ -104,7 +104,7 @@ def test_white_balance_as_shot_estimated_and_given(out: Path, tmp_path: Path) ->
 
 def test_a_white_balance_that_a_shot_does_not_allow(out: Path, tmp_path: Path) -> None:
     dim = uncalibrated(tmp_path / "dim.dng", level=0.004)
-    refused = {"auto": ["too dark, too bright or too small"], "2,1": ["2 multipliers", "R, G, B"]}
+    refused = {"auto": ["too dark, too bright or too small"], "2.1,1": ["2 multipliers", "R, G, B"]}
     for balance, words in refused.items():
         assert_refused(run("render", dim, "-o", out, f"--wb {balance}"), *words, name=str(dim))
 
@@ -154,7 +154,7 @@ def test_the_place_of_a_grey_is_that_in_the_picture_a_viewer_shows(
 def test_a_place_that_shows_no_grey_is_refused(out: Path, tmp_path: Path) -> None:
     shot = save_mosaic(tmp_path / "a.dng", colour_field(6))
     # (130, 90) is inside the samples, but not inside the picture, which stands upright
-    outside = [seen_at(6, 60, 176), (130, 90), (3, 100), (50, 0)]
+    outside = [seen_at(6, 60, 176), (130, 90), (3, 100), (50, 0), (3, 3)]
     for x, y in [seen_at(6, 61, 122), seen_at(6, 61, 162), *outside]:
         words = f"--wb: the picture is clipped or too dark at {x},{y}; name a grey"
         if (x, y) in outside:
