@@ -21,10 +21,11 @@ luminance l around it (Eq. 7):
 
 If it is more than contrast and noise explain, the sample that deviates most from the neighbouring
 blocks' prediction, their median of c / l, is defective. So texture and small bright objects, which
-all samples of a block see, stay. A defective colour sample is replaced by what the rest of its
-block predicts, so that it carries no information of its own into Eqs. 8-9. Where a channel has no
-sites, no sum is known: there a sample is defective that reads more than luminance, gamma_i c > l,
-and lies above the range of the neighbouring blocks.
+all samples of a block see, stay. So do stars and glints, of which a lens spreads some to the other
+sites of the block, or to the panchromatic samples beside. A defective colour sample is replaced by
+what the rest of its block predicts, so that it carries no information of its own into Eqs. 8-9.
+Where a channel has no sites, no sum is known: there a sample is defective that reads more than
+luminance, gamma_i c > l, and lies above the range of the neighbouring blocks.
 """
 
 from dataclasses import dataclass
@@ -72,6 +73,9 @@ _FEWEST = 3  # neighbouring samples, or blocks, that it takes to judge one: a co
 _MOST_OUTLIERS = 0.03
 # deviations of the read noise, and scene units: a sample that is farther below black is dead
 _IMPOSSIBLE, _LEAST_IMPOSSIBLE = 12.0, 2e-3
+# what a lens spreads of a star, and no defect: fraction of the surplus that the other sites of the
+# block see, and of a sample's excess that the panchromatic samples beside it see
+_OTHERS, _BESIDE = 0.25, 0.05
 _CHANNEL = 1 / 3  # of the floor: about the share of light that a channel sees
 _GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite pair is good
 # share of squared samples, and scene units squared: weights are finite where nothing changes
@@ -88,7 +92,7 @@ def mend_defects(frame: Frame, settings: DefectsSettings, progress: Progress = S
     """
     if not (settings.listed or settings.contrast):
         return frame
-    progress.stage("replacing defects", 2)
+    progress.stage("replacing defects", 1)
     bad = np.zeros(frame.shape, np.bool_)
     if settings.listed:
         listed = np.array(frame.mosaic.calibration.defects, np.intp).reshape(-1, 2)
@@ -100,17 +104,15 @@ def mend_defects(frame: Frame, settings: DefectsSettings, progress: Progress = S
         outliers = find_outliers(frame, settings, bad)
         if np.count_nonzero(outliers) <= _MOST_OUTLIERS * bad.size:
             bad |= outliers
-    places = _places(bad)
-    panchromatic = _panchromatic(frame, *places)
-    if panchromatic.any():
+    places = _places(bad & frame.pattern.panchromatic_mask(frame.shape))
+    if places[0].size:
         signal = frame.signal.copy()
-        places = (places[0][panchromatic], places[1][panchromatic])
         signal[places] = predicted(frame, bad, places)
         frame = frame.with_samples(signal)
-    progress.advance()
     bad_sites = frame.sites.of(bad)
     if settings.contrast:
-        _find_in_blocks(frame, bad_sites, settings)
+        find = _find_in_blocks if frame.pattern.derived is None else _find_above_luminance
+        find(frame, bad_sites, settings)
     if bad_sites.any():
         signal, (rows, columns) = frame.signal.copy(), frame.sites.pixels
         signal[rows[bad_sites], columns[bad_sites]] = _predicted_in_blocks(frame, bad_sites)
@@ -305,9 +307,6 @@ def _find_in_blocks(frame: Frame, bad: BoolArray, settings: DefectsSettings) -> 
     it.
     """
     pattern, channels = frame.pattern, frame.sites.channels
-    if pattern.derived is not None:
-        _find_above_luminance(frame, bad, settings)
-        return
     gamma, (filled, lowest, highest) = frame.gamma, frame.around
     share = (gamma / pattern.site_counts)[channels]  # weight of each site in the sum of Eq. 7
     surplus = frame.samples @ share - filled @ share / gamma.sum()
@@ -328,8 +327,12 @@ def _find_in_blocks(frame: Frame, bad: BoolArray, settings: DefectsSettings) -> 
     near, excess = near[:, block, site], excess[block, site]
     low, high = np.fmin.reduce(near), np.fmax.reduce(near)
     certain = np.maximum(ratio - high, low - ratio) > high - low
-    certain &= np.abs(surplus - excess) < np.abs(surplus) / 2
+    certain &= np.abs(surplus - excess) < np.abs(surplus) * _OTHERS
     certain &= np.count_nonzero(~np.isnan(near), axis=0) >= _FEWEST
+    down, across = (axis[rows, columns, site] for axis in frame.sites.pixels)
+    sound = np.zeros(frame.shape, np.bool_)  # panchromatic samples are mended
+    beside, usual = (_mean(_window(frame, sound, down, across, reach), (1, 2)) for reach in (1, 2))
+    certain &= ~(np.sign(excess) * (beside - usual) > _BESIDE * np.abs(excess))
     bad[rows[certain], columns[certain], site[certain]] = True
 
 

@@ -176,6 +176,16 @@ def test_small_bright_things_stay(scene: FloatArray) -> None:
     assert mend(mosaic) is mosaic
 
 
+@pytest.mark.parametrize("colour", [(1, 1, 1), (1.6, 0.9, 0.5), (0.6, 0.9, 1.5), (2.6, 0.2, 0.2)])
+def test_a_star_on_a_colour_site_stays(colour: tuple[float, ...]) -> None:
+    row, column = np.indices((48, 60))
+    for down, across, _ in CfaPattern.bayer().sites:
+        squares = (row - 24 - down) ** 2 + (column - 30 - across) ** 2
+        light = np.exp(-squares / (2 * 0.5**2))[..., None]
+        mosaic = photographed((0.02 + 0.5 * light * colour).astype(np.float32))
+        assert mend(mosaic) is mosaic
+
+
 @pytest.mark.parametrize(("around", "thing"), [(0.8, 0.06), (0.1, 0.8)])
 @pytest.mark.parametrize("sigma", [0.0, 0.01])
 def test_what_a_colour_site_beside_it_sees_as_well_stays(
