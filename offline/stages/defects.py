@@ -306,9 +306,9 @@ def _find_in_blocks(frame: Frame, bad: BoolArray, settings: DefectsSettings) -> 
     """Mark in `bad`, (*B, S), each site that keeps its block from adding up to the luminance around
     it.
     """
-    pattern, channels = frame.pattern, frame.sites.channels
     gamma, (filled, lowest, highest) = frame.gamma, frame.around
-    share = (gamma / pattern.site_counts)[channels]  # weight of each site in the sum of Eq. 7
+    # weight of each site in the sum of Eq. 7
+    share = (gamma / frame.pattern.site_counts)[frame.sites.channels]
     surplus = frame.samples @ share - filled @ share / gamma.sum()
     tolerance = settings.contrast / 2 * (highest - lowest) + settings.floor * frame.level
     tolerance += settings.deviations * frame.sum_noise(filled)

@@ -150,7 +150,9 @@ def restore_highlights(
     in_strips(restore, len(total), BLOCK_ROWS)
     lowest, highest = frame.around.lowest / clipping, frame.around.highest / clipping
     luminance = lent(total, lowest).astype(np.float32)
-    unknown = unmeasured(lowest, highest, gone).astype(np.float32)
+    # where a pattern is not scattered, clipped samples may lie between the blocks
+    touched = highest if sites.pattern.is_scattered else maximum_filter(highest, 3)
+    unknown = unmeasured(lowest, touched, gone).astype(np.float32)
     lost, pattern = np.zeros(signal.shape, np.uint8), frame.pattern
     halo = len(gaussian(_BLUR)) // 2
 
@@ -191,20 +193,21 @@ def lent(luminance: DoubleArray, lowest: DoubleArray) -> DoubleArray:
     return known * luminance + (1 - known) * total / weight
 
 
-def unmeasured(lowest: DoubleArray, highest: DoubleArray, gone: DoubleArray) -> DoubleArray:
+def unmeasured(lowest: DoubleArray, touched: DoubleArray, gone: DoubleArray) -> DoubleArray:
     """Degree to which blocks do not measure the clipped light around them, 0 to 1, float64 (rows,
     columns).
 
     A block measures a highlight if it lies inside it, and its surroundings as far as the next
-    blocks; farther where clipped samples touch the blocks in between, as on paper with small print.
-    A dark block beside one whose channels are all clipped lies beyond the rim of a burnt-out light:
-    what is clipped between the two is burnt out too.
+    blocks; farther where clipped samples touch the blocks in between, or those beside them, as on
+    paper with small print and in the sky behind twigs. A dark block beside one whose channels are
+    all clipped lies beyond the rim of a burnt-out light: what is clipped between the two is burnt
+    out too.
 
     Parameters
     ----------
-    lowest, highest : DoubleArray
-        The darkest and the brightest panchromatic sample around each block, as fractions of the
-        limit.
+    lowest, touched : DoubleArray
+        The darkest panchromatic sample around each block, and the brightest around it or the blocks
+        beside it, as fractions of the limit.
     gone : DoubleArray
         How far all channels of each block are clipped, 0 to 1.
     """
@@ -212,7 +215,7 @@ def unmeasured(lowest: DoubleArray, highest: DoubleArray, gone: DoubleArray) -> 
     inside = np.clip((lowest - none) / (all_known - none), 0, 1)
     near, beside = maximum_filter(inside, 3), maximum_filter(inside * gone, 3)
     wide = maximum_filter(inside * (1 - gone), 2 * _FARTHEST + 1)
-    near = np.maximum(near, (highest >= 1) * wide)
+    near = np.maximum(near, (touched >= 1) * wide)
     return 1 - near + near * (inside * gone + (1 - inside) * beside)
 
 

@@ -203,6 +203,16 @@ def test_a_restored_gradient_is_not_lost(peak: float, sigma: float) -> None:
     assert np.abs(picture - plain).max() < 0.03
 
 
+def test_sky_behind_twigs_is_not_lost() -> None:
+    """One hides blocks, so that clipped samples lie only between them; others run beside."""
+    scene = np.full((72, 78, 3), 1.7) * np.array(NEUTRAL)
+    first = 36 + SPARSE[1].block_origin[1] - 1
+    scene[:, [first - 6, *range(first, first + 4), first + 9]] = 0.05
+    lost = render(exposed(scene), BEST).lost
+    assert lost is not None
+    assert not lost.any()
+
+
 def test_the_rim_of_a_burnt_out_window_is_white() -> None:
     """Beside the dark it lies between blocks of which one is burnt out and the other dark, and had
     the colour of neither.
