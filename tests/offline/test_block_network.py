@@ -176,7 +176,7 @@ def test_no_border_of_a_chunk_shows(
     monkeypatch.setattr(block_network, "_HALO", halo)
     difference = learned(frame)[0] - whole
     assert 0 < np.sqrt(np.square(difference).mean()) < 2e-3
-    assert np.abs(difference).max() < 0.04
+    assert np.abs(difference).max() < 0.05
 
 
 def test_samples_of_other_frames_count() -> None:
