@@ -57,7 +57,8 @@ def test_a_darker_frame_takes_no_colour_away() -> None:
 
 def test_light_of_changing_colour_leaves_a_burst_better_than_one_frame() -> None:
     frames = [0.3 * rgb + 0.7 * rgb.mean(axis=2, keepdims=True) for rgb in SCENES]
-    shots = shot([frames[0], *(rgb * (0.9, 1, 1.15) for rgb in frames[1:])])
+    cast = np.array((0.9, 1, 1.15), np.float32)
+    shots = shot([frames[0], *(rgb * cast for rgb in frames[1:])])
     merged, alone = picture(merge_burst(shots, reference=0)), render(shots[0]).rgb
     assert error(merged, frames[0]) < error(alone, frames[0]) - 1
 
@@ -104,7 +105,8 @@ def test_a_tripod_leaves_no_more_tint_in_strokes_than_one_frame(pattern: CfaPatt
     """All frames have the same gaps in luminance under their sites."""
     y, x = np.indices(SHAPE)
     rings = np.exp(-np.square(np.hypot(y - 66, x - 75) % 9 - 4))[..., None]
-    still = ((0.6, 0.5, 0.15) * (1 - 0.7 * rings)).astype(np.float32)
+    ink = np.array((0.6, 0.5, 0.15))
+    still = (ink * (1 - 0.7 * rings)).astype(np.float32)
     shots = taken([still] * 4, 0.01, pattern)
     merged, alone = picture(merge_burst(shots, reference=0)), render(shots[0]).rgb
     assert error(merged, still) < error(alone, still) - 1
