@@ -61,6 +61,7 @@ class _Parser(argparse.ArgumentParser):
     def __init__(self, **settings: Any) -> None:
         formatter = argparse.RawDescriptionHelpFormatter
         super().__init__(formatter_class=formatter, allow_abbrev=False, **settings)
+        self._negative_number_matcher = re.compile(r"-\.?\d")  # argparse: not -1/3 and -2,0
 
     def print_help(self, file: object = None) -> None:
         to_stdout(self.format_help().rstrip("\n"))

@@ -39,7 +39,7 @@ def read_reference(path: File | None) -> DoubleArray:
 
 def _reference(text: str) -> DoubleArray:
     """Return XYZ (24, 3) in reading order, from the text of a file; raises InputError."""
-    fields, rows = _table(text)
+    fields, rows = _table(text.upper())  # X-Rite's own file names its fields Lab_L, Lab_a, Lab_b
     columns = next((names for names in _COLUMNS if all(name in fields for name in names)), None)
     if columns is None:
         remedy = "turn spectra into XYZ for D50 and 2 degrees, as Argyll's spec2cie does"
@@ -48,7 +48,7 @@ def _reference(text: str) -> DoubleArray:
         raise InputError(f"{len(rows)} patches with {', '.join(columns)}, expected {PATCHES}")
     try:
         places = [fields.index(column) for column in columns]
-        values = np.array([[float(row[place]) for place in places] for row in rows])
+        values = np.array([[_number(row[place]) for place in places] for row in rows])
     except ValueError as error:
         raise InputError(str(error)) from None
     if not (np.abs(values) <= _LARGEST_COORDINATE).all():
@@ -62,6 +62,10 @@ def _reference(text: str) -> DoubleArray:
     ordered = np.empty_like(values)
     ordered[order or list(range(PATCHES))] = values
     return _checked(_scaled(ordered) if columns == _COLUMNS[0] else lab_to_xyz(ordered))
+
+
+def _number(word: str) -> float:
+    return float(word.replace(",", "."))  # X-Rite's own file has decimal commas
 
 
 def _scaled(values: DoubleArray) -> DoubleArray:

@@ -75,9 +75,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     burst.add_argument("--burst", metavar="N", type=count, help=frames)
     motion = "largest displacement of the others (default: 0)"
     burst.add_argument("--motion", metavar="PIXELS", type=amount, default=0.0, help=motion)
-    example = "0,-2,2, or --bracket=-2,0 if it begins with a minus"
     stated = "the files state it as exposure time (default: all are exposed alike)"
-    bracket = f"exposure of each frame in stops, such as {example}; {stated}"
+    bracket = f"exposure of each frame in stops, such as 0,-2,2; {stated}"
     stops = numbers(example="0,-2,2")
     burst.add_argument("--bracket", metavar="EV,EV,...", type=stops, default=(), help=bracket)
     reduced = "make one pixel from N x N of the scene, after the burst's motion (default: 1)"

@@ -79,10 +79,10 @@ def test_a_pattern_has_the_channels_of_the_camera(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "value"),
     [
-        ("render x -o y --exposure=-1/3", -1 / 3),
+        ("render x -o y --exposure -1/3", -1 / 3),
         ("simulate x -o y --sigma 1/100", 0.01),
         ("simulate x -o y --motion 3/2", 1.5),
-        ("simulate x -o y --bracket=-2/3,0,1/2", (-2 / 3, 0.0, 0.5)),
+        ("simulate x -o y --bracket -2/3,0,1/2", (-2 / 3, 0.0, 0.5)),
         ("simulate x -o y --shading 5/2,15", (2.5, 15.0)),
         ("evaluate x -o y --light 1/4,1", (0.25, 1.0)),
         ("burst x y -o z --shifts 1/2,3/2", ((0.5, 1.5),)),
