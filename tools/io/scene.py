@@ -72,8 +72,8 @@ class Scene:
             raise InputError(f"{counted} {reason}")
         if lowest < min(0.0, DARKEST * highest):
             fault = f"the lowest value is {lowest:.4g}, but light is not negative"
-            sharpened = "clip the picture at 0 if it has been sharpened"
-            raise InputError(f"{fault}. Subtract the black level correctly, or {sharpened}")
+            other = "clip the picture at 0 if it is sharpened, or has colours outside its space"
+            raise InputError(f"{fault}. Subtract the black level correctly, or {other}")
         if lowest < 0:
             rgb = np.maximum(rgb, 0)
         rgb = rgb.view()

@@ -254,7 +254,6 @@ TURNED = np.random.default_rng(0).permutation(24)
 READ = {
     "0 to 1": cgats(REFERENCE),
     "0 to 100": cgats(100 * REFERENCE),
-    "Lab": cgats(xyz_to_lab(REFERENCE), LAB),
     "X-Rite's": cgats(xyz_to_lab(REFERENCE), "Lab_L Lab_a Lab_b").replace(".", ","),
     "any order": cgats(REFERENCE[TURNED], names=[NAMES[index] for index in TURNED]),
     "rows named by letters": cgats(REFERENCE[TURNED], names=[BY_ROW[index] for index in TURNED]),
