@@ -52,6 +52,8 @@ _SIZE = {"width": "{}xHEIGHT", "height": "WIDTHx{}"}
 _VARIABLES = {"max_pixels": "the environment variable PANCHROMA_MAX_PIXELS"}
 _ARGUMENT = re.compile(r"`([a-z_]+)(?:=([^`]*))?`")
 
+_NEGATIVE = re.compile(r"-[\d.]+[/,][-\d./,]+")  # numbers that argparse would take for an option
+
 
 class _Parser(argparse.ArgumentParser):
     """An ArgumentParser whose errors are one line whatever the arguments contain, and whose reader
@@ -61,7 +63,14 @@ class _Parser(argparse.ArgumentParser):
     def __init__(self, **settings: Any) -> None:
         formatter = argparse.RawDescriptionHelpFormatter
         super().__init__(formatter_class=formatter, allow_abbrev=False, **settings)
-        self._negative_number_matcher = re.compile(r"-\.?\d")  # argparse: not -1/3 and -2,0
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Read the command line. A space before numbers such as -1/3 and -2,0 tells argparse that
+        they are no option.
+        """
+        given = sys.argv[1:] if args is None else args
+        words = [f" {word}" if _NEGATIVE.fullmatch(word) else word for word in given]
+        return super().parse_known_args(words, namespace)
 
     def print_help(self, file: object = None) -> None:
         to_stdout(self.format_help().rstrip("\n"))
