@@ -1,4 +1,4 @@
-"""What benchmarks and campaigns share: options, scenes, shots, rounds, memory.
+"""What benchmarks and campaigns share: options, scenes, rounds, memory.
 
 It does not load the renderer, whose libraries read the number of threads when they are loaded.
 """
@@ -12,9 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from panchroma.shared import CfaPattern, DoubleArray, FloatArray, Mosaic, SensorCalibration
+from panchroma.shared import CfaPattern, DoubleArray, FloatArray
 from panchroma.tools.evaluation.metrics import BORDER, MEDIAN, quality, whole_psnr
-from panchroma.tools.simulation.sensor import simulate_additive
 from tests.data import DATA
 
 PATTERN = CfaPattern.bayer(6)
@@ -53,13 +52,6 @@ def middle(rgb: FloatArray, side: int) -> FloatArray:
     return np.ascontiguousarray(rgb[top : top + side, left : left + side])
 
 
-def photographed(rgb: FloatArray, sigma: float, seed: int = SEED, **lens: Any) -> Mosaic:
-    """A shot of a scene as it is in a file. lens: `shading` of the sensor's calibration."""
-    camera, random = SensorCalibration.of_bits(16, **lens), np.random.default_rng(seed)
-    taken = simulate_additive(rgb, PATTERN, camera, sigma, random)
-    return Mosaic(taken.codes, PATTERN, taken.calibration)
-
-
 def psnrs(picture: FloatArray, truth: FloatArray) -> list[float]:
     """Median and 10 % quantile of all 10 x 10 patches of RGB, and the whole picture, dB."""
     patches = quality(picture, truth)[0]
@@ -74,9 +66,7 @@ def resampled(rgb: FloatArray, at: FloatArray | DoubleArray, order: Literal[3, 5
     return np.stack(planes, axis=-1).astype(np.float32)
 
 
-def alternate(
-    works: Mapping[str, Work], rounds: int, clock: Callable[[], float] = time.perf_counter
-) -> dict[str, list[float]]:
+def alternate(works: Mapping[str, Work], rounds: int) -> dict[str, list[float]]:
     """Seconds of each function in each round, after one that does not count.
 
     Every other round runs backwards, so that none always follows the same one.
@@ -85,9 +75,9 @@ def alternate(
     order = list(works.items())
     for number in range(rounds + 1):
         for name, work in order:
-            start = clock()
+            start = time.perf_counter()
             result = work()
-            end = clock()
+            end = time.perf_counter()
             del result  # freeing its memory is not timed
             if number:
                 seconds[name].append(end - start)

@@ -13,8 +13,6 @@ from tests.offline.scenes import gamma_of, materials
 from tests.reference.compare import assert_close
 from tests.reference.sensor import observe
 
-# Float32 sums.
-FLOAT32 = 5e-5
 MODELS = [
     NoiseModel.gaussian(0.05, 4),
     NoiseModel((2e-3,) * 4, (0.02,) * 4),

@@ -8,9 +8,7 @@ import pytest
 
 from panchroma.offline import BEST, PAPER, clean_frame
 from panchroma.offline.stages.chromaticity import sigma_z
-from panchroma.offline.stages.noise import (
-    estimate_noise,
-)
+from panchroma.offline.stages.noise import estimate_noise
 from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from panchroma.tools.simulation.sensor import sample

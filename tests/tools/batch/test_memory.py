@@ -14,12 +14,7 @@ from panchroma.offline import BEST, PAPER, PRESETS
 from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
 from panchroma.shared import processors as counted
 from panchroma.tools.batch import compilation as product
-from panchroma.tools.batch.memory import (
-    available_memory,
-    format_bytes,
-    needed_memory,
-    parse_bytes,
-)
+from panchroma.tools.batch.memory import available_memory, format_bytes, needed_memory, parse_bytes
 from panchroma.tools.batch.progress import StageProgress
 from panchroma.tools.io.formats import FORMATS
 from panchroma.tools.io.kind import PictureKind
