@@ -63,8 +63,8 @@ def photographed(
     scene: FloatArray, pattern: CfaPattern | None = None, sigma: float = 0.0, seed: int = 0
 ) -> Mosaic:
     """The shot of a scene, by default through the filters of the paper."""
-    camera, random = SensorCalibration(), np.random.default_rng(seed)
-    return simulate_additive(scene, pattern or CfaPattern.bayer(), camera, sigma, random)
+    filters, random = pattern or CfaPattern.bayer(), np.random.default_rng(seed)
+    return simulate_additive(scene, filters, SensorCalibration(filters.channels), sigma, random)
 
 
 def shot(

@@ -34,6 +34,16 @@ def seen(scene: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[Mo
     return simulate_additive(colours, pattern, calibration, sigma, random), colours
 
 
+def clipped(
+    scene: FloatArray, pattern: CfaPattern, neutral: tuple[float, ...] | None = None
+) -> Mosaic:
+    """The shot of a scene whose light is clipped at the white level."""
+    mosaic, _ = seen(scene, pattern)
+    samples = mosaic.codes.clip(0, mosaic.calibration.white_level)
+    known = replace(mosaic.calibration, neutral=neutral)
+    return replace(mosaic, samples=samples, calibration=known)
+
+
 def psnr(one: NDArray[Any], other: FloatArray) -> float:
     return float(-10 * np.log10(np.mean(np.square(one - other))))
 
@@ -68,16 +78,11 @@ def test_overexposed_white_is_white(letters: str, exposure: float) -> None:
     pattern, neutral = CfaPattern.of_letters(letters), (0.6, 1.0, 0.5)
     white = np.full_like(SCENE, 0.2)
     white[30:70, 40:90] = exposure
-    mosaic = seen(white * np.array(neutral, np.float32), pattern)[0]
-    codes = replace(
-        mosaic,
-        samples=mosaic.codes.clip(0, mosaic.calibration.white_level),
-        calibration=replace(mosaic.calibration, neutral=neutral),
-    )
-    middle = (render(codes).rgb / np.array(neutral))[40:60, 50:80]
+    mosaic = clipped(white * np.array(neutral, np.float32), pattern, neutral)
+    middle = (render(mosaic).rgb / np.array(neutral))[40:60, 50:80]
     assert middle.min() > 1.1
     assert np.ptp(middle, axis=2).max() < 0.1 * middle.min()
-    preview = Preview(pattern).run(codes)
+    preview = Preview(pattern).run(mosaic)
     assert preview[40:60, 50:80].min() > 250
 
 
@@ -86,19 +91,15 @@ def test_a_thin_overexposed_line_has_no_colour_in_the_preview(letters: str) -> N
     pattern = CfaPattern.of_letters(letters)
     line = np.full_like(SCENE, 0.1)
     line[np.abs(np.arange(96)[:, None] - np.arange(120) + 20) < 2] = 2.5
-    mosaic = seen(line, pattern)[0]
-    samples = mosaic.codes.clip(0, mosaic.calibration.white_level)
-    calibration = replace(mosaic.calibration, neutral=(1.0, 1.0, 1.0))
-    picture = Preview(pattern).run(replace(mosaic, samples=samples, calibration=calibration))
+    picture = Preview(pattern).run(clipped(line, pattern, (1.0, 1.0, 1.0)))
     assert np.mean(np.ptp(picture.astype(int), axis=2) > 40) < 0.005
 
 
 def test_overexposed_yellow_does_not_turn_red() -> None:
     """Where red clips and blue is dark, the missing green lies between them."""
     yellow = np.broadcast_to(np.array([4.0, 4.0, 0.3], np.float32), SCENE.shape)
-    mosaic = seen(yellow, CfaPattern.of_letters("rccb"))[0]
-    codes = replace(mosaic, samples=mosaic.codes.clip(0, mosaic.calibration.white_level))
-    red, green, blue = np.median(render(codes).rgb, axis=(0, 1))
+    mosaic = clipped(yellow, CfaPattern.of_letters("rccb"))
+    red, green, blue = np.median(render(mosaic).rgb, axis=(0, 1))
     assert green > 0.5 * red
     assert blue < 0.3 * red
 

@@ -7,18 +7,14 @@ from scipy.ndimage import gaussian_filter
 from panchroma.offline.settings import BEST, UNLEARNED
 from panchroma.offline.stages.luminance import recover_luminance
 from panchroma.offline.stages.luminance_network import SIDE, correct_fill, network_inputs
-from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared import CfaPattern, Mosaic
 from panchroma.shared.arrays import FloatArray
 from panchroma.shared.calibration import NoiseModel
-from panchroma.tools.simulation.sensor import simulate_additive
+from tests.offline.scenes import photographed
 from tests.scenes import leaves
 
 # As a lens shows them: it has learned from what is seen through one.
 LEAVES: FloatArray = gaussian_filter(leaves(220, 330), (0.6, 0.6, 0))
-
-
-def shot(pattern: CfaPattern, sigma: float = 0.0, scene: FloatArray = LEAVES) -> Mosaic:
-    return simulate_additive(scene, pattern, SensorCalibration(), sigma, np.random.default_rng(0))
 
 
 def filled(mosaic: Mosaic) -> FloatArray:
@@ -33,7 +29,7 @@ def test_it_takes_errors_away_under_blocks_alone(
     period: int, block: tuple[str, str], sigma: float
 ) -> None:
     pattern = CfaPattern.with_block(block, period, origin=(1, 2))
-    mosaic = shot(pattern, sigma)
+    mosaic = photographed(LEAVES, pattern, sigma)
     before, after = filled(mosaic), recover_luminance(mosaic, BEST.luminance)
     measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
     assert np.array_equal(before[measured], after[measured])
@@ -44,10 +40,10 @@ def test_it_takes_errors_away_under_blocks_alone(
 
 def test_three_sites_are_corrected_alike_wherever_the_fourth_pixel_is() -> None:
     pattern, whole = CfaPattern.of_letters("RGWW/BWWW/WWWW/WWWW"), LEAVES[:, :328]  # whole tiles
-    luminance, images = filled(shot(pattern, scene=whole)), []
+    luminance, images = filled(photographed(whole, pattern)), []
     for down, across in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
         mirrored = CfaPattern(tuple(row[::across] for row in pattern.tile[::down]))
-        seen = shot(mirrored, scene=whole[::down, ::across])
+        seen = photographed(whole[::down, ::across], mirrored)
         images.append(correct_fill(luminance[::down, ::across].copy(), seen)[::down, ::across])
     assert not np.array_equal(images[0], luminance)
     for image in images[1:]:
@@ -56,7 +52,7 @@ def test_three_sites_are_corrected_alike_wherever_the_fourth_pixel_is() -> None:
 
 @pytest.mark.parametrize("letters", ["WBWG/BWGW/WGWR/GWRW", "RGBW/WWWW/WWWW/WWWW", "RGW/GBW/WWW"])
 def test_other_blocks_stay_as_they_were_filled(letters: str) -> None:
-    mosaic = shot(CfaPattern.of_letters(letters))
+    mosaic = photographed(LEAVES, CfaPattern.of_letters(letters))
     assert np.array_equal(recover_luminance(mosaic, BEST.luminance), filled(mosaic))
 
 

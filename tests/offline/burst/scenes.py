@@ -6,8 +6,8 @@ import numpy as np
 
 from panchroma.offline import BEST, RenderSettings
 from panchroma.offline.burst import MergedBurst, Motion, in_frame, in_reference, render_burst_bands
-from panchroma.shared import CfaPattern, DoubleArray, FloatArray, Mosaic, SensorCalibration
-from panchroma.tools.simulation.sensor import simulate_additive
+from panchroma.shared import CfaPattern, DoubleArray, FloatArray, Mosaic
+from tests.offline.scenes import photographed
 
 SHAPE = (150, 210)
 
@@ -57,11 +57,7 @@ def taken(
     pattern: CfaPattern = CfaPattern.bayer(6),  # noqa: B008 - frozen
 ) -> list[Mosaic]:
     """A frame of each scene."""
-    calibration = SensorCalibration(pattern.channels)
-    return [
-        simulate_additive(rgb, pattern, calibration, sigma, np.random.default_rng(seed))
-        for seed, rgb in enumerate(scenes)
-    ]
+    return [photographed(rgb, pattern, sigma, seed) for seed, rgb in enumerate(scenes)]
 
 
 def picture(merged: MergedBurst, settings: RenderSettings = BEST) -> FloatArray:
