@@ -32,11 +32,11 @@ def finished(
     return subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False, **options)
 
 
-def run_python(script: str, *arguments: str | Path, folder: Path = ROOT) -> str:
+def run_python(script: str, *arguments: str | Path, folder: Path = ROOT, **options: Any) -> str:
     """Standard output of a script, which must succeed. folder: where it runs, and finds our
-    packages.
+    packages; options: of subprocess.run.
     """
-    done = finished(sys.executable, "-c", script, *arguments, folder=folder)
+    done = finished(sys.executable, "-c", script, *arguments, folder=folder, **options)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

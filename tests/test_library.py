@@ -1,5 +1,5 @@
-"""A library changes nothing of the program that uses it: `shared`, `device` and `offline` leave the
-process as they found it.
+"""A library changes nothing of the program that uses it: neither its import nor its compiler does.
+What renders, previews, bursts and files leave: see tests/tools/batch/test_safe_path.py.
 """
 
 from pathlib import Path
@@ -57,36 +57,11 @@ def said(when):
 from panchroma import device, offline, shared
 said("import")
 """
-WORK = """
-from panchroma.offline.burst import merge_burst, render_burst_bands
-from panchroma.tools.simulation.sensor import simulate_additive
-scene = np.full((48, 60, 3), 0.3, np.float32)
-scene[:, 30:] = 0.5, 0.2, 0.1
-calibration = shared.SensorCalibration.of_bits(12)
-noise = map(np.random.default_rng, range(2))
-shots = [simulate_additive(scene, shared.CfaPattern.bayer(6), calibration, 0.01, rng) for rng in noise]
-picture = device.Preview.for_mosaic(shots[0]).run(shots[0])
-said("preview")
-shared.write_dng(sys.argv[1] + "/a.dng", shots[0], picture)
-shot = shared.read_dng(sys.argv[1] + "/a.dng")
-said("DNG")
-offline.render(shot)
-offline.render(shot, offline.PAPER)
-said("render")
-merged = merge_burst(shots)
-list(render_burst_bands(merged))
-said("burst")
-"""
 COMPILING = """
 offline.compile_kernel("mix")
 said("compile")
 print(offline.kernel_cache(), numba.np.arraymath._HAVE_BLAS)
 """
-
-
-def test_renders_previews_bursts_and_files_leave_the_process_as_it_was(tmp_path: Path) -> None:
-    done = ("import", "preview", "DNG", "render", "burst")
-    assert run_python(STATE + SAID + WORK, tmp_path) == "".join(f"{what} []\n" for what in done)
 
 
 def test_compiling_leaves_the_process_as_it_was_and_numba_with_its_linear_algebra(

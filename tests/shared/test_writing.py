@@ -20,7 +20,7 @@ from panchroma.shared.writing import (
     sync_folder,
     write_durably,
 )
-from tests.python import finished
+from tests.python import finished, run_python
 
 WORDS = {
     errno.ENOSPC: "disk is full",
@@ -286,6 +286,5 @@ def test_a_name_that_is_no_utf_8_and_one_beyond_the_locale_are_written(tmp_path:
         "    write_durably(os.fsdecode(folder + b'/' + name), b'')"
     )
     environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0"}
-    done = finished(sys.executable, "-c", script, tmp_path, env=environment)
-    assert done.returncode == 0, done.stderr
+    run_python(script, tmp_path, env=environment)
     assert len(list(tmp_path.iterdir())) == 3

@@ -22,7 +22,7 @@ from panchroma.offline.numerics.interpolation import interpolate
 from panchroma.shared.arrays import IndexArray
 from panchroma.shared.errors import OutputError
 from tests.data import ROOT
-from tests.python import finished, run_python
+from tests.python import run_python
 
 KERNEL = """
 from .arrays import Ints1
@@ -170,9 +170,7 @@ def without_root() -> None:
 
 
 def run_as_user(folder: Path, script: str = SCRIPT) -> str:
-    done = finished(sys.executable, "-c", script, folder=folder, preexec_fn=without_root)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return run_python(script, folder=folder, preexec_fn=without_root)
 
 
 ON_LINUX = pytest.mark.skipif(sys.platform != "linux", reason="takes rights from root")

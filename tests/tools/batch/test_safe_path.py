@@ -122,27 +122,37 @@ print(run_limited(Path(__file__), (), decoder.decode, "x")[1])
 # --- host untouched -------------------------------------------------------------------------------
 
 SCRIPT = """
+from functools import partial
 from pathlib import Path
 import panchroma
 from tests.tools.batch.test_safe_path import threads_of
 from panchroma.tools.io.ahead import ahead
 from panchroma.tools.batch.parallel import in_processes
 
-def look(_=None):
-    changed = [name for name, value in state().items() if value != before[name]]
-    seen.append([name for name in changed if name != "threads"])
+def look(*ignored):
+    changed = {name for name, value in state().items() if value != before[name]}
+    seen.append(sorted(changed.difference(ignored)))
 
-seen = []
-shot = panchroma.simulate("builtin:200x120", sigma=0.01)
-panchroma.preview(shot)
-panchroma.render(shot).save(Path(sys.argv[1], "a.jpg"))
+seen, folder = [], Path(sys.argv[1])
+shots = panchroma.simulate("builtin:200x120", sigma=0.01, burst=2)
 look()
-list(ahead(look, range(4), 2))
+panchroma.preview(shots[0])
+look()
+shots[0].save(folder / "a.dng")
+shot = panchroma.open(folder / "a.dng")
+look()
+panchroma.render(shot).save(folder / "a.jpg")
+panchroma.render(shot, preset="paper")
+look()
+panchroma.burst(shots)
+look()
+beside_threads = partial(look, "threads")
+list(ahead(beside_threads, range(4), 2))
 with in_processes(threads_of, [1, 2, 3], 2, print, "", threads=3) as results:
     for _, result in results:
-        look()
+        beside_threads()
         assert result == ["3", "3"], result
-look()
+beside_threads()
 print(seen)
 """
 
@@ -153,4 +163,5 @@ def threads_of(piece: int, listener: StageProgress) -> list[str]:
 
 
 def test_a_program_that_renders_and_starts_processes_is_what_it_was(tmp_path: Path) -> None:
-    assert run_python(STATE + SCRIPT, tmp_path) == f"{[[]] * 9}\n"
+    """After simulation, preview, files, render and burst, and at each moment of the others' work."""
+    assert run_python(STATE + SCRIPT, tmp_path) == f"{[[]] * 13}\n"
