@@ -13,13 +13,13 @@ for itself, in 1.5 seconds.
 
 import collections
 import errno
-import itertools
 import multiprocessing
 import os
 import signal
 import stat
 import sys
 from collections.abc import Callable
+from unittest.mock import Mock
 
 import pytest
 
@@ -100,18 +100,10 @@ def links(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
 
 @pytest.fixture
 def full_disk(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
-    """A function after whose call the next `times` calls of os.fsync, by default all, fail with the
-    error `number`.
-    """
+    """A function after whose call os.fsync fails with the error `number`."""
 
-    def fill(number: int = errno.ENOSPC, times: float = float("inf")) -> None:
-        fsync, calls = os.fsync, itertools.count()
-
-        def full(descriptor: int) -> None:
-            if next(calls) < times:
-                raise OSError(number, os.strerror(number))
-            fsync(descriptor)
-
+    def fill(number: int = errno.ENOSPC) -> None:
+        full = Mock(side_effect=OSError(number, os.strerror(number)))
         monkeypatch.setattr(os, "fsync", full)
 
     return fill

@@ -53,9 +53,9 @@ def materials(shape: tuple[int, int], channels: int, seed: int = 0) -> DoubleArr
     return colours[surfaces] * shading[..., None]
 
 
-def true_light(pattern: CfaPattern, shape: tuple[int, int], seed: int = 0) -> FloatArray:
+def true_light(pattern: CfaPattern, shape: tuple[int, int]) -> FloatArray:
     """Luminance of `materials`: what panchromatic pixels read of them."""
-    scene = materials(shape, len(pattern.channels), seed)
+    scene = materials(shape, len(pattern.channels))
     return luminance_of(scene, gamma_of(pattern)).astype(np.float32)
 
 

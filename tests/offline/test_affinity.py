@@ -114,11 +114,11 @@ def test_solves_where_a_class_has_no_block() -> None:
     assert_close(solve_affinities(light, pattern, TIGHT), expected(light, pattern), SOLVED)
 
 
-def shaded_steps(shape: tuple[int, int], seed: int = 0) -> FloatArray:
+def shaded_steps(shape: tuple[int, int]) -> FloatArray:
     """Shading, steps and noise."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     row, column = np.indices(shape)
-    steps = 0.4 * (np.sin(row / 9.0 + seed) * np.cos(column / 13.0) > 0.2)
+    steps = 0.4 * (np.sin(row / 9.0) * np.cos(column / 13.0) > 0.2)
     light = 0.5 + steps + 0.1 * np.sin(row / 31.0) + random.normal(0, 0.02, shape)
     return light.astype(np.float32)
 

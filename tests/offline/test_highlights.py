@@ -31,20 +31,18 @@ def exposed(
     return simulate_sensor(light, pattern, calibration, 1.0, random)
 
 
-def lamp(peak: float, colour: tuple[float, ...], shape: tuple[int, int] = (72, 78)) -> FloatArray:
+def lamp(peak: float, colour: tuple[float, ...]) -> FloatArray:
     """A soft light on a dim wall; its luminance at the middle is `peak` scene units."""
-    row, column = np.indices(shape)
+    row, column = np.indices((72, 78))
     light = 0.5 + (peak - 0.5) * np.exp(-((row - 36) ** 2 + (column - 39) ** 2) / (2 * 14**2))
     return (light[..., None] * np.array(colour) / sum(colour)).astype(np.float32)
 
 
-def spark(
-    pattern: CfaPattern, colour: tuple[float, ...], light: float = 0.25
-) -> tuple[Mosaic, tuple[slice, slice]]:
+def spark(pattern: CfaPattern, colour: tuple[float, ...]) -> tuple[Mosaic, tuple[slice, slice]]:
     """A grey wall with a highlight of 3 x 3 pixels between its blocks, far beyond the limit; and
     where it is.
     """
-    scene = np.full((48, 54, 3), light) * np.array(NEUTRAL)
+    scene = np.full((48, 54, 3), 0.25) * np.array(NEUTRAL)
     middle = [
         origin + size + (pattern.period - size - 3) // 2
         for origin, size in zip(pattern.block_origin, pattern.block_shape, strict=True)

@@ -93,11 +93,6 @@ def test_letters_make_square_tiles() -> None:
     assert CfaPattern.of_letters("CMWW/YWWW", channels="YMC").channels == "YMC"
 
 
-def test_an_origin_is_two_whole_numbers() -> None:
-    with pytest.raises(InputError, match=r"pattern: the origin is 1\.5, expected a whole number"):
-        CfaPattern.bayer(6, origin=(1.5, 0))  # type: ignore[arg-type]
-
-
 def test_scattered_sites_have_the_tile_for_a_block_others_the_rectangle_around_them() -> None:
     for letters in ("WBWG/BWGW/WGWR/GWRW", "RGW/WWW/WWW/WWW/WWX/WWW", "RGB/WWW/WWW", "RWW/GWW/BWW"):
         pattern = CfaPattern.of_letters(letters, (1, 2))

@@ -153,6 +153,7 @@ def test_what_is_not_a_calibration_is_refused(document: Any) -> None:
         (lambda: CfaPattern(("WWW", "WWW", "WWW")), "no colour filter"),
         (lambda: CfaPattern(("RGW", "GBW", "WWW"), channels="RGBB"), "do not name"),
         (lambda: CfaPattern.bayer(6, "RGBG"), "RGGB"),
+        (lambda: CfaPattern.bayer(6, origin=(1.5, 0)), "pattern: the origin is 1.5, expected a wh"),  # type: ignore[arg-type]
         (lambda: CfaPattern.bayer(2), "period"),
         (lambda: CfaPattern.bayer(17), "period"),
         (lambda: CfaPattern.of_letters("RGW/GB/WWW"), "row by row"),
