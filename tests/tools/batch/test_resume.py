@@ -104,17 +104,21 @@ def edited_in_place(path: Path) -> None:
     assert path.stat().st_mtime_ns == before.st_mtime_ns
 
 
+@pytest.mark.usefixtures("links")
 def test_a_changed_picture_is_made_anew_and_the_old_kept(shots: Path, out: Path) -> None:
+    """Twice: the second copy replaces neither the first one nor a link to nowhere."""
     render(shots, out)
+    (out / "a.tif.bak2").symlink_to("nowhere")
     made, copies = (out / "a.tif").read_bytes(), []
-    for name in ("a.tif.bak", "a.tif.bak2"):  # twice: the first copy is not replaced by the second
+    for name in ("a.tif.bak", "a.tif.bak3"):
         edited_in_place(out / "a.tif")
         copies.append((out / "a.tif").read_bytes())
         outcome = render(shots, out, "--resume")
         assert (outcome.code, current(outcome)) == (0, {"b.tif", "c.tif"})
         assert f"a.tif: has changed since it was made; it is kept as {name}" in outcome.err
         assert (out / "a.tif").read_bytes() == made
-    assert [(out / name).read_bytes() for name in ("a.tif.bak", "a.tif.bak2")] == copies
+    assert [(out / name).read_bytes() for name in ("a.tif.bak", "a.tif.bak3")] == copies
+    assert (out / "a.tif.bak2").is_symlink()
 
 
 def test_a_shot_that_was_edited_with_its_size_and_time_counts(
