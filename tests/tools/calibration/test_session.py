@@ -80,6 +80,11 @@ def concluded(old: Camera | None = None, /, **frames: Mapping[str, Mosaic]) -> R
     return conclude(measured(old, **frames))
 
 
+def louder(gain: float) -> NoiseModel:
+    """The noise of the true sensor, so many times as large."""
+    return NoiseModel(*(gain * np.array([NOISE.shot, NOISE.read])))
+
+
 def window(mosaic: Mosaic) -> Mosaic:
     return Mosaic(mosaic.codes[60:360, 60:540], mosaic.pattern, mosaic.calibration)
 
@@ -369,8 +374,7 @@ def test_a_black_border_is_no_saturation() -> None:
 @pytest.mark.parametrize("gain", [0.5, 1.0, 1.6, 4.0])
 @pytest.mark.parametrize("kinds", [("dark", "shots"), ("shots",), ("dark",)])
 def test_flat_frames_of_another_gain_tell_no_noise(gain: float, kinds: tuple[str, ...]) -> None:
-    shot, read = (tuple(gain * x for x in values) for values in (NOISE.shot, NOISE.read))
-    other = replace(TRUTH, noise=NoiseModel(shot, read))
+    other = replace(TRUTH, noise=louder(gain))
     flats = {
         f"flat{seed}.dng": frame(level * EVEN, seed=seed, truth=other)
         for seed, level in enumerate(np.repeat((0.04, 0.3, 0.6), 2))
@@ -425,16 +429,14 @@ def test_shading_with_which_gamma_was_not_measured_is_told() -> None:
 
 @pytest.mark.parametrize("gain", [1.0, 4.0])
 def test_noise_of_a_camera_file_that_frames_contradict_is_told(gain: float) -> None:
-    shot, read = (tuple(gain * x for x in values) for values in (NOISE.shot, NOISE.read))
-    says = replace(TRUTH, noise=NoiseModel(shot, read))
+    says = replace(TRUTH, noise=louder(gain))
     old = Camera(says, PATTERN, {"noise": {"from": "9 pairs", "read_error": [1e-6] * 4}})
-    of_dark, of_chart = (
-        concluded(old, dark=several("dark", 3)),
-        concluded(old, shots=several("chart", 1)),
-    )
-    for outcome, words in ((of_dark, "read .* dark frames"), (of_chart, "photon .* the chart")):
+    for frames, words in (
+        ({"dark": several("dark", 3)}, "read .* dark frames"),
+        ({"shots": several("chart", 1)}, "photon .* the chart"),
+    ):
         said = f"noise in the camera file, from 9 pairs: their {words}"
-        found = re.search(said, " ".join(outcome.warnings))
+        found = re.search(said, " ".join(concluded(old, **frames).warnings))
         assert bool(found) == (gain > 1)
 
 
@@ -482,13 +484,10 @@ def test_swapped_channels_show_on_a_chart(right: CfaPattern, wrong: CfaPattern, 
     true, says = (replace(each, channels=right.channels) for each in (TRUTH, BLIND))
     light = chart().rgb if right.channels == "RGB" else chart().rgb @ BROAD
     taken = frame(light, pattern=right, says=says, truth=true)
-    shot = measure_chart("chart.dng", taken, Measurements(REFERENCE), true_place().corners)
+    corners = true_place().corners
+    shot = measure_chart("chart.dng", taken, Measurements(REFERENCE), corners)
     np.testing.assert_allclose(shot.fit.gamma, TRUTH.gamma, rtol=0.02)
+    exchanged = replace(taken, pattern=wrong)
     said = f"the chart shows that {names} are exchanged.*{'/'.join(right.letters_from())}"
     with pytest.raises(InputError, match=said):
-        measure_chart(
-            "chart.dng",
-            replace(taken, pattern=wrong),
-            Measurements(REFERENCE),
-            true_place().corners,
-        )
+        measure_chart("chart.dng", exchanged, Measurements(REFERENCE), corners)
