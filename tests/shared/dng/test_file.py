@@ -25,7 +25,6 @@ from panchroma.shared.dng.container import main_directory, raw_digest, raw_direc
 from panchroma.shared.dng.lossless_jpeg import encode_lossless
 from panchroma.shared.dng.record import RECORD_ID, decode_record, encode_record
 from panchroma.shared.dng.tags import TAG, Photometric
-from panchroma.shared.errors import OutputError
 from panchroma.shared.pattern import BAYER_ORDERS, PERIODS
 from panchroma.shared.tiff import Directory, Fields, FieldType, encode_tiff
 from tests.scenes import darker_corners
@@ -226,10 +225,6 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="read-only"):
         read.samples[0, 0] = np.uint16(1)
     assert verify_dng(path) == read.shape
-    with pytest.raises(OutputError, match=r"shot\.dng: exists already"):
-        write_dng(path, read, preview())
-    write_dng(path, mosaic(CfaPattern.bayer(4)), preview(), overwrite=True)
-    assert read_dng(path).pattern == CfaPattern.bayer(4)
 
 
 def test_a_refused_mosaic_leaves_nothing(tmp_path: Path) -> None:
