@@ -314,7 +314,7 @@ def estimate_colour(
         return frame
     error = fill_error(frame)
     frame = replace(frame, fill_error=error if alone is None else error * alone)
-    return replace(frame, luminance=update_luminance(frame, settings.posterior))
+    return replace(frame, luminance=update_luminance(frame)) if settings.posterior.used else frame
 
 
 def run_row_stages(

@@ -45,7 +45,6 @@ from ..numerics.arrays import Doubles1, Doubles2, Floats2, Floats3, Floats4
 from ..numerics.chunks import BLOCK_ROWS, in_strips
 from ..numerics.compile import ZERO, Chunks, kernel, parallel_kernel
 from ..numerics.gaussian import gaussian, smoothed
-from ..stage import Switch
 
 # Chosen on photographs. Error of filled luminance as a multiple of its curvature; pooling has a
 # setting of its own
@@ -76,12 +75,10 @@ def fill_error(frame: Frame) -> FloatArray:
     return error
 
 
-def update_luminance(frame: Frame, settings: Switch) -> FloatArray:
+def update_luminance(frame: Frame) -> FloatArray:
     """Return the luminance of a frame, float32 (H, W), with its expected error at the colour sites
     added.
     """
-    if not settings.used:
-        return frame.luminance
     updated, unclipped = frame.luminance.copy(), frame.unclipped
     height, reach = len(unclipped), len(gaussian(_WIDTH)) // 2
 

@@ -67,7 +67,6 @@ _FARTHEST = 3  # blocks from which light reaches what clipped samples touch: it 
 # places of a period whose samples are counted at most; codes below one at which samples pile up,
 # times their mean number that it has, and its least share; deviations of noise, in steps of codes
 _PLACES, _DOZEN, _PILED, _SHARE, _SPREAD = 4, 12, 8, 5e-4, 4
-_LEAST_COUNT = 1e-3  # keeps quotients finite: counts are at least a ninth
 
 
 def clipping_level(mosaic: Mosaic, noise: NoiseModel | None = None) -> float:
@@ -234,5 +233,5 @@ def shown_at_sites(lost: FloatArray, clear: BoolArray, pattern: CfaPattern) -> B
     reach = 1 if pattern.is_scattered else -(-min(pattern.block_shape) // 2)
     even = np.full(1 + 2 * reach, 1 / (1 + 2 * reach), np.float32)
     total, count = filtered(np.stack([lost.clip(0, 1), clear]), even)
-    mean = total / np.maximum(count, _LEAST_COUNT)
+    mean = total / np.maximum(count, 1e-3)  # counts that matter are at least a ninth
     return np.rint(255 * np.where(clear, lost, mean).clip(0, 1)).astype(np.uint8)

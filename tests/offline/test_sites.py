@@ -32,7 +32,7 @@ def settled(mosaic: Mosaic, light: FloatArray, sigma: float = 1e-3) -> FloatArra
     """Luminance settled with the chromaticities that Eqs. 8-9 find in it."""
     frame = sampled(mosaic, light)
     blocks = extend(block_sums(frame).solved(sigma, frame.gamma), mosaic.pattern, mosaic.shape)
-    return update_luminance(replace(frame, blocks=blocks.astype(np.float32)), BEST.posterior)
+    return update_luminance(replace(frame, blocks=blocks.astype(np.float32)))
 
 
 def wrong_light(mosaic: Mosaic) -> FloatArray:
@@ -50,7 +50,7 @@ def test_the_update_brings_luminance_closer_where_chromaticity_is_known() -> Non
     grid = BAYER.grid(mosaic.shape)
     places = np.ix_(grid.rows.clip(0, 89), grid.columns.clip(0, 95))
     blocks = (scene / true[..., None])[places].astype(np.float32)
-    result = update_luminance(replace(sampled(mosaic, light), blocks=blocks), BEST.posterior)
+    result = update_luminance(replace(sampled(mosaic, light), blocks=blocks))
     assert np.square(result - true).mean() < 0.5 * np.square(light - true).mean()
 
 
