@@ -319,6 +319,9 @@ class Frame:
         Share of the errors of colour that the correction at the sites takes up, float32 B, 0 to 1;
         None = all of them. A burst corrects the rest itself, with the samples of all frames;
         `fill_error` says the same of luminance.
+    site_noise : FloatArray | None
+        Variance of the noise at the sites, relative to that of a sample, float32 B x S: those of a
+        burst may be means of its frames; None = 1.
 
     Examples
     --------
@@ -341,6 +344,7 @@ class Frame:
     fill_error: FloatArray = field(default_factory=unknown)
     others: BlockSums | None = None
     kept: FloatArray | None = None
+    site_noise: FloatArray | None = None
 
     @property
     def pattern(self) -> CfaPattern:
@@ -432,7 +436,8 @@ class Frame:
         if self.noise is None or not self.noise.of_colours:
             return None
         channels, samples = self.sites.channels, self.sites.in_rows(self.signal, rows)
-        return self.variance(samples, rows, channels) * self.gamma32[channels] ** 2
+        variance = self.variance(samples, rows, channels) * self.gamma32[channels] ** 2
+        return variance if self.site_noise is None else variance * self.site_noise[rows]
 
     def sum_noise(self, filled: DoubleArray) -> DoubleArray:
         """Standard deviation of the noise in what a block's channels add up to, less the luminance

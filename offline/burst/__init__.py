@@ -20,7 +20,7 @@ from ..pipeline import colour_bands, estimate_colour, row_stages
 from ..settings import BEST, RenderSettings
 from ..stages.shading import ShadingCorrection
 from ..units import check_frames
-from .colour import ColourSamples, Spreading, relit_sites, single_frame_weight
+from .colour import ColourSamples, Spreading, averaged_sites, relit_sites, single_frame_weight
 from .merge import denoised, merge_luminance, uncovered
 from .motion import Motion, in_frame, in_reference
 from .select import Comparison, Judged, compare_frames, copies
@@ -211,6 +211,7 @@ def _merged(
     plain = np.ascontiguousarray(fine[::2, ::2])
     luminance = denoised(plain, noise_ratio, cleaned.mosaic, settings)
     samples = ColourSamples.of(kept, fine, sites).relit(luminance - plain)
+    cleaned = averaged_sites(cleaned, samples)
     gaps = uncovered(kept, sites)
     samples = samples.where_others(luminance, noise_ratio, gaps)
     sums = samples.block_sums(sites) if len(kept) > 1 else None

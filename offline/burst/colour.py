@@ -37,6 +37,7 @@ _GRADIENT = 0.04
 _INSIDE = 0.5
 # times what others take off the variance: from there on the reference's own samples count in full
 _ENOUGH = 4.0
+_SAME = 0.2  # pixels: a sample that is as far from a site is no more one of it
 # standard deviation of a sample's residual besides noise, a share of the mean luminance
 _ERROR = 2e-3
 # Of the solution; fading relative to the weight of a usual sample, and the least of it, with which
@@ -192,6 +193,29 @@ class ColourSamples:
         factors = filled, self.values[rest]
         sums = (np.bincount(place, share * filled * factor, math.prod(full)) for factor in factors)
         return BlockSums(*(np.asarray(plane, np.float64).reshape(full) for plane in sums))
+
+
+def averaged_sites(frame: Frame, samples: ColourSamples) -> Frame:
+    """The reference with the mean of all samples of a channel that lie at one of its sites, as all
+    do on a tripod, and some where frames were displaced by about whole pixels.
+    """
+    shape = (*frame.sites.shape, len(frame.sites.channels))
+    numbers = np.full(frame.shape, -1, np.int32)
+    numbers[frame.sites.pixels] = np.arange(math.prod(shape)).reshape(shape)
+    places, rest = samples.places[samples.own :], slice(samples.own, None)
+    pixels = np.rint(places).astype(np.intp)
+    site = numbers[tuple(pixels.T)]
+    far = np.square(places - pixels).sum(axis=1) / _SAME**2
+    same = (site >= 0) & (frame.sites.channels[site % shape[2]] == samples.channels[rest])
+    weight = same * samples.weight[rest] * np.maximum(1 - far, 0)
+    share = weight * (samples.usual[rest] + TINY) / (samples.variance[rest] + TINY)
+    factors = np.ones_like(share), samples.values[rest], weight
+    sums = (np.bincount(site * same, share * factor, math.prod(shape)) for factor in factors)
+    total, product, squares = (plane.reshape(shape) for plane in sums)
+    signal = frame.signal.copy()
+    signal[frame.sites.pixels] = (frame.samples + product) / (1 + total)
+    left = (1 + squares) / np.square(1 + total)
+    return replace(frame.with_samples(signal), site_noise=left.astype(np.float32))
 
 
 def relit_sites(frame: Frame, luminance: FloatArray, sums: BlockSums) -> Frame:
