@@ -7,10 +7,10 @@ import pytest
 
 from panchroma.offline import PAPER, Band, Frame, clean_frame
 from panchroma.offline.bands import run_stages
-from panchroma.offline.burst.colour import ColourSamples, Spreading, relit_sites
+from panchroma.offline.burst.colour import ColourSamples, Spreading, averaged_sites, relit_sites
 from panchroma.offline.frame import BlockSums
 from panchroma.offline.numerics.linked import SIDE
-from panchroma.shared import CfaPattern, Mosaic, SensorCalibration
+from panchroma.shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from panchroma.shared.arrays import FloatArray
 from tests.scenes import darker_corners
 
@@ -109,6 +109,31 @@ def test_samples_in_noise_spread_far(sigma: float, shape: tuple[int, int]) -> No
     samples = samples_of(truth, luminance, shape[0] * shape[1] // 6, sigma**2)
     result = spread(samples, luminance, before)
     assert np.abs(result - truth).mean() < 0.4 * np.abs(before - truth).mean()
+
+
+def test_the_samples_of_a_channel_at_a_site_are_averaged_by_their_noise() -> None:
+    pattern = CfaPattern.bayer(6, origin=(0, 0))  # R G / G B
+    calibration = SensorCalibration(noise=NoiseModel.gaussian(0.1, planes=4))
+    frame = Frame(Mosaic(np.full((12, 12), 0.6, np.float32), pattern, calibration), np.inf)
+    # of the reference; at the red of the block below; too far from it; green; panchromatic place
+    places = np.array([(0, 0), (6, 0), (6, 0), (6, 0.3), (6, 0), (8, 8)], np.float32)
+    values, variance = np.full(6, 0.9, np.float32), np.full(6, 0.01, np.float32)
+    values[2], variance[2] = 0.3, 0.005
+    channels, ones = np.array([0, 0, 0, 0, 1, 0], np.uint8), np.ones(6, np.float32)
+    usual = np.full(6, 0.01, np.float32)
+    samples = ColourSamples(1, places, channels, values, ones, variance, usual, ones)
+    result = averaged_sites(frame, samples)
+    expected = np.full((12, 12), 0.6)
+    expected[6, 0] = (0.6 + 0.9 + 2 * 0.3) / 4
+    assert np.allclose(result.signal, expected, atol=1e-6)
+    left = np.ones((2, 2, 4))
+    left[1, 0, 0] = 1 / 4
+    assert result.site_noise is not None
+    assert np.allclose(result.site_noise, left, atol=1e-6)
+    once, twice = (one.scaled_variance(slice(0, 2)) for one in (frame, result))
+    assert once is not None
+    assert twice is not None
+    assert np.allclose(twice[1, 0, 0] * 4, once[1, 0, 0])
 
 
 @pytest.mark.parametrize("tile", ["K=6", "kodak"])

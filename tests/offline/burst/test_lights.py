@@ -100,13 +100,26 @@ def test_noise_makes_no_colour() -> None:
     assert merged < min(alone + 2, -57)
 
 
+def rings() -> FloatArray:
+    """Thin dark strokes on ochre."""
+    y, x = np.indices(SHAPE)
+    dark = np.exp(-np.square(np.hypot(y - 66, x - 75) % 9 - 4))[..., None]
+    return (np.array((0.6, 0.5, 0.15)) * (1 - 0.7 * dark)).astype(np.float32)
+
+
+@pytest.mark.parametrize("tile", ["K=6", "K=4", "RW/WB", "kodak"])
+def test_frames_of_a_tripod_are_as_good_as_one_with_all_their_light(tile: str) -> None:
+    pattern = CfaPattern.of_letters(tile)
+    for still in (rings(), SCENES[0]):
+        merged = picture(merge_burst(taken([still] * 8, 0.03, pattern), reference=0))
+        (bright,) = taken([still], 0.03 / 8**0.5, pattern)
+        assert error(merged, still) < error(render(bright).rgb, still) + 0.4
+
+
 @pytest.mark.parametrize("pattern", [CfaPattern.bayer(6), CfaPattern.of_letters("RW/WB")])
 def test_a_tripod_leaves_no_more_tint_in_strokes_than_one_frame(pattern: CfaPattern) -> None:
     """All frames have the same gaps in luminance under their sites."""
-    y, x = np.indices(SHAPE)
-    rings = np.exp(-np.square(np.hypot(y - 66, x - 75) % 9 - 4))[..., None]
-    ink = np.array((0.6, 0.5, 0.15))
-    still = (ink * (1 - 0.7 * rings)).astype(np.float32)
+    still = rings()
     shots = taken([still] * 4, 0.01, pattern)
     merged, alone = picture(merge_burst(shots, reference=0)), render(shots[0]).rgb
     assert error(merged, still) < error(alone, still) - 1
