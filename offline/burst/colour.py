@@ -199,19 +199,16 @@ def averaged_sites(frame: Frame, samples: ColourSamples) -> Frame:
     """The reference with the mean of all samples of a channel that lie at one of its sites, as all
     do on a tripod, and some where frames were displaced by about whole pixels.
     """
-    shape = (*frame.sites.shape, len(frame.sites.channels))
-    numbers = np.full(frame.shape, -1, np.int32)
-    numbers[frame.sites.pixels] = np.arange(math.prod(shape)).reshape(shape)
     places, rest = samples.places[samples.own :], slice(samples.own, None)
     pixels = np.rint(places).astype(np.intp)
-    site = numbers[tuple(pixels.T)]
+    number = np.ravel_multi_index(tuple(pixels.T), frame.shape)
+    same = frame.pattern.filter_map(frame.shape).take(number) == samples.channels[rest]
     far = np.square(places - pixels).sum(axis=1) / _SAME**2
-    same = (site >= 0) & (frame.sites.channels[site % shape[2]] == samples.channels[rest])
     weight = same * samples.weight[rest] * np.maximum(1 - far, 0)
     share = weight * (samples.usual[rest] + TINY) / (samples.variance[rest] + TINY)
     factors = np.ones_like(share), samples.values[rest], weight
-    sums = (np.bincount(site * same, share * factor, math.prod(shape)) for factor in factors)
-    total, product, squares = (plane.reshape(shape) for plane in sums)
+    sums = (np.bincount(number, share * factor, frame.signal.size) for factor in factors)
+    total, product, squares = (frame.sites.of(plane.reshape(frame.shape)) for plane in sums)
     signal = frame.signal.copy()
     signal[frame.sites.pixels] = (frame.samples + product) / (1 + total)
     left = (1 + squares) / np.square(1 + total)

@@ -16,10 +16,7 @@ _ROOT = tuple(np.float32(c) for c in (2.2662262, -2.4310766, 1.5637192, -0.39887
 # e^x = 2^n e^r with n the nearest integer to x / ln 2, and e^r a quintic with e^0 = 1, off by
 # 9.2e-8 at most (minimax fit). ln 2 in two terms, the first short enough that n times it is exact.
 _PER_LN2, _LN2_HIGH, _LN2_LOW = np.array([1.44269504, 0.693359375, -2.12194440e-4], np.float32)
-_EXP = tuple(
-    np.float32(c)
-    for c in (1.0, 0.9999997072, 0.4999914950, 0.1666763623, 0.0418979339, 0.0082903139)
-)
+_EXP = tuple(np.array([1, 0.9999997, 0.4999915, 0.16667636, 0.041897934, 0.008290314], np.float32))
 _ROUND = np.float32(1.5 * 2**23)  # added and taken off again, rounds to an integer
 LEAST_EXPONENT = np.float32(-87.0)  # e^-87 is about the least normal float32
 ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
