@@ -231,8 +231,7 @@ def relit_sites(frame: Frame, luminance: FloatArray, sums: BlockSums) -> Frame:
     for site, (channel, place) in enumerate(zip(sites.channels, sites.places, strict=True)):
         power, product = sums.weight[..., channel], sums.product[..., channel]
         known = (power > TINY) & (signal[place] >= limits[..., site])
-        share = product / np.where(known, power, 1)
-        signal[place] = np.where(known, share * luminance[place], signal[place])
+        np.copyto(signal[place], product / np.maximum(power, TINY) * luminance[place], where=known)
     return frame.with_samples(signal)
 
 

@@ -204,9 +204,7 @@ def _multiply(links: Floats3, diagonal: Scalar, values: Floats3, product: Floats
             one = diagonal * x[first] - _around(flat, first, x, first, steps)
             two = diagonal * x[second] - _around(flat, first, x, second, steps)
             three = diagonal * x[third] - _around(flat, first, x, third, steps)
-            out[first] = one
-            out[second] = two
-            out[third] = three
+            out[first], out[second], out[third] = one, two, three
 
 
 @kernel

@@ -54,9 +54,7 @@ def mirrored(index: int, size: int) -> int:
     """The pixel 0..size-1 that `index` refers to: the border of `shared.arrays.BORDER`, however far
     outside.
     """
-    if size == 1:
-        return 0
-    turn = 2 * size - 2
+    turn = max(2 * size - 2, 1)
     index = abs(index) % turn
     return index if index < size else turn - index
 

@@ -33,12 +33,10 @@ def cubic_taps(t: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """
     half = np.float32(0.5)
     square, cube = t * t, t * t * t
-    return (
-        half * (square + square - cube - t),
-        half * (np.float32(3) * cube - np.float32(5) * square + np.float32(2)),
-        half * (np.float32(4) * square - np.float32(3) * cube + t),
-        half * (cube - square),
-    )
+    first, last = half * (square + square - cube - t), half * (cube - square)
+    second = half * (np.float32(3) * cube - np.float32(5) * square + np.float32(2))
+    third = half * (np.float32(4) * square - np.float32(3) * cube + t)
+    return first, second, third, last
 
 
 @parallel_kernel()

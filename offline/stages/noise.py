@@ -81,8 +81,7 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
     # calibration leaves out what rounding to codes adds
     coded = [mosaic.calibration.scale() * (mosaic.samples.dtype == np.uint16) for mosaic in mosaics]
     rounding = ROUNDING * np.square(coded)
-    read = figures[:, 1]
-    figures[:, 1] = read + rounding if is_stated else np.maximum(read, rounding)
+    figures[:, 1] = figures[:, 1] + rounding if is_stated else np.maximum(figures[:, 1], rounding)
     return [NoiseModel(tuple(shot), tuple(np.sqrt(read))) for shot, read in figures.tolist()]
 
 
